@@ -29,6 +29,7 @@ from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 from rise_engine.study.traces import returned_sessions
 from rise_engine.study.verdict import read_checks, read_verdict
+from rise_engine.study.withdrawn import is_withdrawn
 
 GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for aborting a session that nobody continued."""
@@ -125,7 +126,9 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
             session = _from_log(folder, each, outcomes.get(name, ()), unreadable.get(name, MOVED_AWAY))
-            found[name] = _reassign(session, moved.get(name))
+            session = _reassign(session, moved.get(name))
+            if not is_withdrawn(session.entry.participant, log):
+                found[name] = session
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # the only order where dates are removed
     return sorted(

@@ -130,7 +130,11 @@ def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
     if not withdrawn:
         return {}
     found: dict[str, str] = {}
+    owners = {str(each.get("folder")): str(each.get("participant")) for each in log if each.kind == "session"}
+    known = {name for name, owner in owners.items() if not is_withdrawn(owner, withdrawn)}
     for folder in session_folders(study):
+        if folder.name in known:
+            continue  # the log names no session of theirs, unless an earlier version of the program wrote it
         if is_withdrawn(owner_of(folder), withdrawn) and not other_study_of(study, folder, log):
             linked = f"erase their data in {folder.resolve()}, and this link" if folder.is_symlink() else ""
             erase = "`rise-engine study withdraw STUDY PSEUDONYM`, with theirs, erases it"

@@ -20,7 +20,7 @@ from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
 from rise_engine.study.withdrawal_work import EXPORTED
-from rise_engine.study.withdrawn import without_salts
+from rise_engine.study.withdrawn import PREFIX, is_withdrawn, without_salts
 
 GIVEN = "1900-01-01"
 """Replaces the date of a consent where the level shows no dates. Nobody can have consented on it."""
@@ -85,15 +85,20 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
 
 
 def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
-    """Write study.jsonl without salts. Levels below full also lack dates, names, typed texts, paths of exports, and
-    rehearsals that are not in the bundle.
+    """Write study.jsonl without salts, and without lines about participants who have withdrawn. An earlier version of
+    the program wrote such lines when one of their sessions came back.
+
+    Levels below full also lack dates, names, typed texts, paths of exports, and rehearsals that are not in the bundle.
 
     :param log: its entries.
     :param names: the names of sessions in the bundle, by their folders' names.
     :param people: the codes of wizards.
     :param level: how much is shown.
     """
-    entries = without_salts(list(log))
+    entries = list(log)
+    names_of = {str(each.get("participant") or "") for each in entries}
+    gone = {name for name in names_of if not name.startswith(PREFIX) and is_withdrawn(name, entries)}
+    entries = without_salts([each for each in entries if each.get("participant") not in gone])
     if level == "full":
         return _lines((each.at, each.kind, each.fields) for each in entries)
     count = LevelFilter(level, None).count_typed_words

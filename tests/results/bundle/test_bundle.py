@@ -193,9 +193,10 @@ def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
     assert any(f"{tmp_path / 'elsewhere'} was exported with their data" in sentence for sentence in report.unreached)
 
 
+@pytest.mark.parametrize("earlier", [False, True], ids=["", "written again by an earlier version"])
 @pytest.mark.parametrize("level", ["public", "full"])
 def test_no_bundle_names_a_session_of_somebody_who_has_withdrawn_and_whose_session_came_back(
-    tmp_path: Path, level: ExportLevel
+    tmp_path: Path, level: ExportLevel, earlier: bool
 ) -> None:
     study = make_study(tmp_path / "study")
     theirs = sessions_of(study)[1]
@@ -203,6 +204,11 @@ def test_no_bundle_names_a_session_of_somebody_who_has_withdrawn_and_whose_sessi
     withdraw(study, "P01")
     shutil.copytree(tmp_path / "backup", theirs)
     kept = (study / "study.jsonl").read_bytes()
+    about = '"at":"2024-11-24T10:00:00","participant":"P01","slot":1'
+    begun = f'{{"kind":"session",{about},"purpose":"counted","run":1,"attempt":1,"folder":"{theirs.name}'
+    lines = f'{{"kind":"taken",{about}}}\n{begun}"}}\n{begun}_gone"}}\n'
+    if earlier:
+        (study / "study.jsonl").write_bytes(kept + lines.encode())
     status, said, _ = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", level)
     assert status == 0
     assert "1 session, because the participant has withdrawn" in (tmp_path / "bundle" / "README.md").read_text("utf-8")
@@ -211,7 +217,9 @@ def test_no_bundle_names_a_session_of_somebody_who_has_withdrawn_and_whose_sessi
     assert f"{theirs.name} is not in the export: its participant has withdrawn" in said.partition("look at this")[2]
     with OpenStudy(study):
         assert kept in (study / "study.jsonl").read_bytes()
-    assert "P01" not in (study / "study.jsonl").read_text("utf-8"), "the next session writes nothing of them"
+    assert earlier or "P01" not in (study / "study.jsonl").read_text("utf-8"), "the next session writes nothing of them"
+    withdraw(study, "P01")
+    assert "P01" not in (study / "study.jsonl").read_text("utf-8") and not theirs.exists()
 
 
 @pytest.mark.parametrize("level", ["shared", "full"])
