@@ -71,7 +71,7 @@ def moment_of_zero(wall: str, t: float, speed: float) -> str:
         return ""
 
 
-def seconds_away(before: Record, after: Record, speed: float) -> float | None:
+def downtime_by_clock(before: Record, after: Record, speed: float) -> float | None:
     """Return the seconds between two records during which session time stood still, by their wall clock.
 
     :param before: the last record of one engine.

@@ -12,7 +12,7 @@ from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.labels import seconds_away
+from rise_engine.session.labels import downtime_by_clock
 
 _BLOCK = 1 << 16
 _OUTCOME, _CHECK, _RECOVERED = b'"input":"outcome"', b'"input":"check"', b'"input":"session_recovered"'
@@ -98,7 +98,7 @@ def read_recoveries(path: Path, speed: float) -> list[Recovery]:
             file.readline()
             after = _records_in([file.readline()])
             if before and after and isinstance(after[0], SessionRecord) and after[0].downtime is not None:
-                by_clock = seconds_away(before[-1], after[0], speed)
+                by_clock = downtime_by_clock(before[-1], after[0], speed)
                 if by_clock is not None:
                     found.append(Recovery(after[0].t, after[0].downtime, max(0.0, by_clock)))
     return found

@@ -105,7 +105,7 @@ def test_a_real_robot_is_left_as_it_is_only_by_a_third_interrupt(study: Path) ->
         live.signal()
         live.signal(signal.SIGTERM)  # two of one kind at once are one
         assert live.rest() == 6
-        assert "once more leaves it as it is, and it may still be moving" in live.errors()
+        assert "press ctrl+c again to leave at once, although it may still be moving" in live.errors()
 
 
 def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:

@@ -281,7 +281,7 @@ async def test_who_else_moves_the_robot(only: Any) -> None:
             "the emergency stop at /estop has said nothing yet, so whether it is pressed is not known",
         ),
         ((), "problem", "the emergency stop at /estop cannot be heard: nothing publishes it as std_msgs/msg/Bool"),
-        ((False, True), "problem", "has several publishers (/button0, /button1): a message does not say whose it is"),
+        ((False, True), "problem", "has several publishers (/button0, /button1): a message does not say who sent it"),
     ],
 )
 async def test_an_emergency_stop(only: Any, says: tuple[bool | None, ...], level: str, sentence: str) -> None:

@@ -88,7 +88,7 @@ def test_one_publisher_does_not_let_go_of_the_button_of_another(hangs: bool) -> 
     panel = MemoryTransport(robot.wire, robot.loop, "/panel").publisher(NAME, TYPE)
     say(robot, 3, (base, False), (panel, True))
     assert [report.pressed for report in robot.of(EstopReport)] == [True], "the other one says that it is not pressed"
-    why = "has several publishers (/panel, /robot): a message does not say whose it is; let one program join them"
+    why = "has several publishers (/panel, /robot): a message does not say who sent it; let one program publish for all"
     was = "; it was pressed when it was heard last"
     assert standing(robot) == ("degraded", f"the emergency stop at /estop_pressed {why}{was}")
     if not hangs:

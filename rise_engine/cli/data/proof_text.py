@@ -48,8 +48,8 @@ NOT_PROVED = (
     "that participants.csv, questionnaires, coded.json (annotations) and media.json (recordings) hold what people "
     "gave: nothing else records it",
     "that study.jsonl has everything that people decided after a session: no session has a copy of it",
-    "that times of day are right: where there are dates, only when a session began, and how long it had no engine, was "
-    "recorded twice and compared",
+    "that times of day are right: only when sessions began and how long outages lasted were compared, where there are "
+    "dates",
 )
 """What replays and comparisons leave open, also when nothing differs. The second: a line removed from the log."""
 

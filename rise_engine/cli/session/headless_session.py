@@ -308,7 +308,9 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
             sys.exit(exit_status.STILL_RUNNING if is_real else exit_status.INTERRUPTED)
         interrupts.append(number)
         if len(interrupts) > 1:
-            print_notes("the robot is being stopped; once more leaves it as it is, and it may still be moving")
+            print_notes(
+                "the robot is being stopped; press ctrl+c again to leave at once, although it may still be moving"
+            )
         else:
             loop.call_soon_threadsafe(session.interrupt)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from rise_engine.kernel.records import ENGINE, AnyRecord, NoteRecord, SessionRecord, StopRecord
 from rise_engine.results.analysis.model import Interruption, InterruptionKind, Outage, SessionData
-from rise_engine.session.labels import seconds_away as seconds_away_by_clock
+from rise_engine.session.labels import downtime_by_clock
 
 _KINDS: tuple[InterruptionKind, ...] = ("outage", "standstill", "stop")
 """The worst first."""
@@ -39,7 +39,7 @@ class OutageCollector:
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return None
         # The wall clock is hidden at some levels, and the number is the same at all.
-        away = seconds_away_by_clock(before, record, self._speed) if record.downtime is None else record.downtime
+        away = downtime_by_clock(before, record, self._speed) if record.downtime is None else record.downtime
         if away is None or away <= 0:
             return None
         self.outages.append(Outage(at=record.t, seconds=round(away, 6)))

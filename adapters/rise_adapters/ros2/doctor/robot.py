@@ -196,7 +196,7 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
         return
     what = f"the emergency stop at {estop.name}"
     if estop.fault:
-        remedy = "nothing begins before it is known; `options.estop` says what is meant"
+        remedy = "nothing begins until its state is known; see `options.estop` in the profile"
         yield DoctorFinding("problem", "robot", estop.trouble, remedy)
     elif estop.pressed:
         yield DoctorFinding("warning", "robot", f"{what} is pressed", "release it: nothing starts before that")

@@ -105,7 +105,8 @@ class EstopInput:
                 why = "has said nothing yet, so whether it is pressed is not known"
             case "several":
                 names = ", ".join(sorted(set(self.publishers)))
-                why = f"has several publishers ({names}): a message does not say whose it is; let one program join them"
+                remedy = "a message does not say who sent it; let one program publish for all"
+                why = f"has several publishers ({names}): {remedy}"
             case "gone":
                 why = f"had {self._most} publishers, and not all are there: the one that has gone may be pressed"
             case _:
