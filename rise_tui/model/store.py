@@ -226,7 +226,8 @@ class Store:
     @property
     def key_state(self) -> InputMode | Literal["STOPPED"]:
         """Whether keys start anything. A stop overrides the wizard's choice."""
-        return "STOPPED" if self.view.stop.latched or self.stopping else self.input_mode
+        is_stopped = self.view.stop.latched or self.stopping or self.journal_status.stop is not None
+        return "STOPPED" if is_stopped else self.input_mode
 
     @property
     def open_goals(self) -> tuple[OpenGoal, ...]:

@@ -16,12 +16,14 @@ import logging
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine import __version__
+from rise_engine.base.text import pluralize
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
 from rise_engine.kernel.inputs import (
@@ -170,8 +172,10 @@ class Engine:
         self._seq = self._kernel.seq
         self._end_reason: str | None = None
         self._last_record_made = False
-        self._unrecorded_stop: UnrecordedStop | None = None
-        """Results of stops that were requested while nothing could be recorded."""
+        self._recorded_stop = _stop_in_force(recovered)
+        """The stop in force as the sinks know it."""
+        self._end_by = inf
+        """The session time at which the session ends without the robot."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
 
@@ -233,11 +237,11 @@ class Engine:
         if self._last_record_made or self._end_reason is not None:
             return
         self._end_reason = reason
-        self.clock.call_at(self.clock.now() + END_SECONDS, self.end_now)
-        if self._is_robot_busy if stop is None else stop:
+        self._end_by = self.clock.now() + END_SECONDS
+        self.clock.call_at(self._end_by, self.end_now)
+        # What waits to be recorded may begin something.
+        if self._is_robot_busy or bool(self._queue) or self.paused if stop is None else stop:
             self.post(Submit(function="stopAll", source="engine"))
-            if self.paused:
-                self._stop_unrecorded("engine, because the session ends")
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
@@ -324,11 +328,16 @@ class Engine:
             raise RuntimeError("accept() was called inside a step; use post()")
         if self._last_record_made:
             answer(Reply(False, "the session has ended"))
-        elif self.paused:
-            self._accept_while_paused(input, answer)
-        else:
-            self._step(self._with_time(input), answer)
+        elif isinstance(input, SessionStarted | SessionRecovered):  # before what the robot has reported meanwhile
+            self._queue.appendleft((self._with_time(input), answer))
+            if self.paused and self._kernel.stop.latched:
+                self._carry_out_before_recording(StopRobot())
             self._process_queue()
+        elif self.paused and not _requests_stop(input):
+            assert self._journal is not None
+            answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
+        else:
+            self._take(input, answer)
 
     def why_not_take_over(self, scenario: Scenario) -> list[str]:
         """Return why the session cannot continue with another scenario now: sentences, none if it can."""
@@ -363,32 +372,26 @@ class Engine:
         """
         if self._last_record_made:
             return
-        self._queue.append((self._with_time(input), _ignore_reply))
-        if self._unrecorded_stop is not None and isinstance(input, StopReport):
-            self._unrecorded_stop = _with_answer(self._unrecorded_stop, input)
-            self._update_journal_status()
-        if self.paused and isinstance(input, EstopReport) and input.pressed:
-            self._stop_unrecorded(input.source)
+        self._take(input, _ignore_reply)
+
+    def _take(self, input: AnyInput, answer: ReplyCallback) -> None:
+        self._queue.append((self._with_time(input), answer))
+        if self.paused:
+            self._stop_while_paused(input)
         if not self._stepping:
             self._process_queue()
 
-    def _accept_while_paused(self, input: AnyInput, answer: ReplyCallback) -> None:
-        assert self._journal is not None
-        if not (isinstance(input, Submit) and input.function == "stopAll"):
-            answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
-            return
-        self._queue.append((self._with_time(input), answer))
-        self._stop_unrecorded(input.source)
-
-    def _stop_unrecorded(self, source: str) -> None:
-        """Stop the robot although nothing can be recorded. What has not gone out yet never starts."""
-        for step in self._unrecorded_steps:
-            starts, step.starts[:] = tuple(step.starts), ()
-            for start in starts:
-                self._post_not_begun(start)
-        self._unrecorded_stop = UnrecordedStop(source)
-        self._carry_out_before_recording(StopRobot())
-        self._update_journal_status()
+    def _stop_while_paused(self, input: AnyInput) -> None:
+        """Stop the robot if the input requests that, although nothing can be recorded, and tell what is known about
+        stops. What has not gone out yet never starts."""
+        if _requests_stop(input):
+            for step in self._unrecorded_steps:
+                starts, step.starts[:] = tuple(step.starts), ()
+                for start in starts:
+                    self._post_not_begun(start)
+            self._carry_out_before_recording(StopRobot())
+        if _requests_stop(input) or isinstance(input, StopReport):
+            self._update_journal_status()
 
     def _process_queue(self) -> None:
         while self._queue and not self._last_record_made and not self.paused:
@@ -454,16 +457,14 @@ class Engine:
         if outgoing and outgoing[0].position <= durable:
             self._stepping = True  # inputs that sinks and robots post meanwhile come after
             try:
+                steps = []
                 while outgoing and outgoing[0].position <= durable:
-                    step = outgoing.popleft()
+                    steps.append(outgoing.popleft())
+                self._drop_late(steps)
+                for step in steps:
                     self._publish(step.records)
-                    waited = (self.clock.now() - step.t) / self.clock.speed
                     for start in step.starts:
-                        if waited > MOST_LATE_SECONDS:
-                            why = f"the disk took {waited:.0f} s to record it, so it was not begun"
-                            self._post_not_begun(start, why)
-                        else:
-                            self._commands.run(start)
+                        self._commands.run(start)
                     step.on_reply(step.reply)
             finally:
                 self._stepping = False
@@ -473,39 +474,54 @@ class Engine:
                 self._close()
         elif not self.paused:
             self._process_queue()
+            if self.clock.now() >= self._end_by:
+                self.end_now()
+
+    def _drop_late(self, steps: Iterable[_UnrecordedStep]) -> None:
+        """Begin nothing of steps that were recorded too late, and nothing that has waited behind them: nobody expects
+        it any more."""
+        now = self.clock.now()
+        late = [step for step in steps if (now - step.t) / self.clock.speed > MOST_LATE_SECONDS]
+        starts = [start for step in late for start in step.starts]
+        if not starts and not any(_is_waiting(record) for step in late for record in step.records):
+            return
+        why = f"it was recorded {(now - late[0].t) / self.clock.speed:.0f} s late, so it was not begun"
+        for step in late:
+            step.starts.clear()
+        if waiting := tuple(self._kernel.scheduler.waiting):  # they must be gone before a start's end makes room
+            for task in waiting:
+                self.post(Submit(function="cancelTask", behavior=str(task.id), source="engine"))
+            self.post(Note(text=f"{pluralize(len(waiting), 'waiting act')} cancelled: {why}"))
+        for start in starts:
+            self._post_not_begun(start, why)
 
     def _update_journal_status(self) -> None:
         journal = self._journal
         assert journal is not None
         error = journal.error
-        if error and not self.journal_status.trouble and self._unrecorded_stop is None:
-            self._unrecorded_stop = self._stop_not_recorded_yet()
-        elif not error and self.journal_status.trouble:
-            self._unrecorded_stop = None
+        if not error and self.journal_status.trouble:
             self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.sentence}"))
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
-        stop = self._unrecorded_stop if error else self._stop_not_recorded_yet() if lag > 1 else None
-        now = JournalStatus(self._seq, lag, error, stop)
+        is_told = bool(error) or lag > 1 or self.journal_status.stop is not None  # what was told stays until recorded
+        now = JournalStatus(self._seq, lag, error, self._find_unrecorded_stop() if is_told else None)
         before, self.journal_status = self.journal_status, now
         if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)
 
-    def _stop_not_recorded_yet(self) -> UnrecordedStop | None:
-        """Return the stop, if the disk has refused its record before anybody saw it, with the robot's answer."""
-        stop: UnrecordedStop | None = None
-        for record in [record for step in self._unrecorded_steps for record in step.records]:
-            if isinstance(record, StopRecord) and record.status == "requested":
-                stop = UnrecordedStop(record.source)
-            elif isinstance(record, StopRecord) and record.status == "latched" and stop is not None:
-                stop = _with_answer(stop, record)
+    def _find_unrecorded_stop(self) -> UnrecordedStop | None:
+        """Return the stop in force, with the robot's answer, if something of it is not recorded yet."""
+        stop = self._recorded_stop
+        for step in self._unrecorded_steps:
+            for record in step.records:
+                stop = _stop_after(stop, record)
         for input, _ in self._queue:
-            if isinstance(input, StopReport) and stop is not None:
-                stop = _with_answer(stop, input)
-        return stop
+            stop = _stop_after(stop, input)
+        return None if stop == self._recorded_stop else stop
 
     def _publish(self, records: list[AnyRecord]) -> None:
         for record in records:
             self._seq = record.seq
+            self._recorded_stop = _stop_after(self._recorded_stop, record)
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
@@ -577,8 +593,40 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
     return Reply(task.status != "REJECTED", task.reason, task.id)
 
 
-def _with_answer(stop: UnrecordedStop, report: StopReport | StopRecord) -> UnrecordedStop:
-    return UnrecordedStop(stop.source, True, report.confirmed, report.unconfirmed, report.unstoppable)
+def _is_waiting(record: AnyRecord) -> bool:
+    return isinstance(record, TaskRecord) and record.status == "PENDING"
+
+
+def _requests_stop(input: AnyInput) -> bool:
+    if isinstance(input, EstopReport):
+        return input.pressed
+    return isinstance(input, Submit) and input.function == "stopAll"
+
+
+def _stop_in_force(recovered: RecoveredSession | None) -> UnrecordedStop | None:
+    """Return the stop in force when a session is recovered."""
+    if recovered is None or not recovered.view.stop.latched:
+        return None
+    stop = recovered.view.stop
+    answered = stop.status == "latched"
+    return UnrecordedStop(stop.source, answered, stop.confirmed, stop.unconfirmed, stop.unstoppable)
+
+
+def _stop_after(stop: UnrecordedStop | None, news: AnyInput | AnyRecord) -> UnrecordedStop | None:
+    """Return the stop in force after an input or a record."""
+    if isinstance(news, Submit | EstopReport) and _requests_stop(news):
+        return UnrecordedStop(news.source)
+    if isinstance(news, StopRecord) and news.status == "requested":
+        return UnrecordedStop(news.source)
+    if isinstance(news, StopRecord) and news.status == "released":
+        return None
+    if (
+        stop is not None
+        and isinstance(news, StopReport | StopRecord)
+        and getattr(news, "status", "latched") == "latched"
+    ):
+        return UnrecordedStop(stop.source, True, news.confirmed, news.unconfirmed, news.unstoppable)
+    return stop
 
 
 def versions() -> dict[str, str]:

@@ -36,6 +36,8 @@ STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopR
 STANDSTILL_SECONDS = 5.0
 """After a longer standstill of this process, nothing starts that was asked before. It is noted: the record would blame
 the robot, and durations are too long."""
+MOST_BEHIND_SECONDS = 2.0
+"""While the disk has recorded nothing for longer, nothing starts: people would ask for it again and again."""
 CLOCK_JUMP_SECONDS = 1.0
 """A larger step of the computer's clock is noted. Session time is not affected."""
 OLD_SECONDS = 1.0
@@ -264,6 +266,8 @@ class SessionHub:
             self.take_over(client.source, answer)
 
     def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
+        if isinstance(message, Submit) and message.function == "stopAll":
+            return ""
         if not self._has_begun:
             return "the session has not begun yet"
         if isinstance(message, OutcomeReport):
@@ -275,6 +279,8 @@ class SessionHub:
             return ""
         if message.function not in STOPPING and self._may_be_old():
             return "the engine stood still, and this may have been asked before: ask again"
+        if message.function not in STOPPING and (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
+            return f"the disk has not recorded anything for {behind:.0f} s: ask again when it does"
         if self.ending:
             return "the session is ending"
         if client.role == "node":

@@ -13,12 +13,12 @@ import pytest
 
 from rise_engine.base.files import Disk
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
+from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
-from rise_engine.run.protocol.client import JournalStatus, Reply
+from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
 from tests.patience import PATIENCE
@@ -53,7 +53,7 @@ class Robot:
 
 
 class Session:
-    def __init__(self, path: Path, disk: Disk) -> None:
+    def __init__(self, path: Path, disk: Disk, *, begin: bool = True) -> None:
         loop = asyncio.get_running_loop()
         self.turned = asyncio.Event()
         self.path = path
@@ -73,7 +73,8 @@ class Session:
             which, self.robot, RealClock(loop), 0, sinks=[self.records.append], journal=self.journal
         )  # fmt: skip
         self.engine.on_journal_status = self.journalings.append
-        self.engine.start()
+        if begin:
+            self.engine.start()
 
     def _look(self) -> None:
         self.engine.flush_durable()
@@ -147,7 +148,34 @@ async def test_an_action_whose_record_took_too_long_does_not_begin(
         await it.until(lambda: [record for record in it.of(TaskRecord) if record.status == "ABORTED"])
         assert it.robot.calls == []
         reasons = {record.reason for record in it.of(ActionRecord) if record.status == "canceled"}
-        assert reasons == {"the disk took 0 s to record it, so it was not begun"}
+        assert reasons == {"it was recorded 0 s late, so it was not begun"}
+
+
+@pytest.mark.parametrize("before", ["nothing", "an act"])
+async def test_nothing_that_has_waited_behind_a_late_act_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str
+) -> None:
+    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        if before == "an act":
+            it.ask(start("Greet"))
+            await it.until(lambda: it.robot.calls)
+        disk.go.clear()
+        for _ in range(3):
+            it.ask(start("Greet"))
+        if before == "an act":
+            it.robot.report(ActionReport(action="1/1", status="failed"))
+        asked = it.engine.clock.now()
+        later = asyncio.Event()
+        it.engine.clock.call_at(asked + 0.1, later.set)
+        await later.wait()
+        disk.go.set()
+        await it.until(lambda: it.engine.idle)
+        assert it.robot.calls == (["start 1/1"] if before == "an act" else [])
+        ended = [record for record in it.of(TaskRecord) if record.status == "CANCELED" and record.t > asked]
+        assert len(ended) == 2
+        assert any("2 waiting acts cancelled: it was recorded 0 s late" in note.text for note in it.of(NoteRecord))
 
 
 @pytest.mark.parametrize("then", ["let go", "stop"])
@@ -308,6 +336,67 @@ async def test_a_stop_that_the_disk_refuses_first_is_told(tmp_path: Path) -> Non
         disk.number = None
 
 
+async def test_the_answer_to_a_recorded_stop_is_told_while_the_disk_is_full(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(STOP)
+        await it.until(lambda: it.of(StopRecord))
+        disk.number = errno.ENOSPC
+        it.robot.report(Note(text="full"))
+        await it.until(lambda: it.engine.paused)
+        it.engine.flush_durable()
+        assert it.journalings[-1].stop is None
+        it.robot.report(StopReport(unconfirmed=("pepper/body",)))
+        assert it.journalings[-1].stop == UnrecordedStop("wizard:anna", True, unconfirmed=("pepper/body",))
+        disk.number = None
+        await it.until(lambda: it.of(StopRecord)[-1].status == "latched")
+        it.engine.flush_durable()
+        assert it.journalings[-1].stop is None
+
+
+async def test_a_stop_that_was_released_while_the_disk_hung_is_not_told(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("pepper/speech",)))
+        it.ask(Submit(function="releaseStop", source="node:x"))
+        assert it.engine._find_unrecorded_stop() is None
+        disk.go.set()
+
+
+async def test_a_rule_begins_nothing_after_an_end_that_cannot_be_recorded(tmp_path: Path) -> None:
+    """Its timer is due while the disk is full: no act runs, so the robot is not busy."""
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.ENOSPC
+        it.robot.report(Note(text="full"))
+        await it.until(lambda: it.engine.paused)
+        it.engine.post(start("Greet"))
+        it.engine.end("enough")
+        assert it.robot.calls == ["stop"]
+        disk.number = None
+        await it.until(lambda: it.of(StopRecord))
+        it.robot.report(StopReport(confirmed=("pepper/speech",)))
+        await it.until(lambda: it.engine.ended)
+        assert not [call for call in it.robot.calls if call.startswith("start")]
+
+
+async def test_a_session_that_begins_on_a_full_disk_begins_when_there_is_room(tmp_path: Path) -> None:
+    disk = FullDisk(errno.ENOSPC)
+    it = Session(tmp_path / "journal.jsonl", disk, begin=False)
+    await it.until(lambda: it.engine.paused)
+    it.engine.start()
+    it.ask(STOP)
+    assert it.robot.calls == ["stop"]
+    disk.number = None
+    await it.until(lambda: it.of(StopRecord))
+    assert isinstance(it.records[0], SessionRecord)
+    assert it.records[0].status == "started"
+    it.engine.abandon()
+    await asyncio.to_thread(it.journal.close, 5.0)
+
+
 async def test_the_end_stops_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
     disk = FullDisk()
     async with session(tmp_path, disk) as it:
@@ -318,7 +407,7 @@ async def test_the_end_stops_the_robot_also_when_nothing_can_be_recorded(tmp_pat
         await it.until(lambda: it.engine.paused)
         it.engine.end("enough")
         assert it.robot.calls[-1] == "stop"
-        assert it.journalings[-1].sentence.endswith("stop was sent to the robot by engine, because the session ends")
+        assert it.journalings[-1].sentence.endswith("stop was sent to the robot by engine")
         disk.number = None
 
 

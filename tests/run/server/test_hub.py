@@ -23,7 +23,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
-from rise_engine.run.protocol.client import ClientInput, Rejected, Reply
+from rise_engine.run.protocol.client import ClientInput, JournalStatus, Rejected, Reply
 from rise_engine.run.server.hub import AttachedClient, SessionHub
 from tests.run.engine.samples import GREETING, profile, scenario
 
@@ -200,6 +200,17 @@ def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(m
     assert "the robot has not answered the stop yet" in played.does("wa frees"), "the kernel was asked"
     told = [(record.text, record.stood) for record in played.records if isinstance(record, NoteRecord)]
     assert told == [("the engine stood still for 12 s: what happened then is recorded late", 12.0), ("x", None)]
+
+
+def test_nothing_starts_while_the_disk_is_behind() -> None:
+    """Else people press the key again and again, and the robot does it that often."""
+    played = HubSession()
+    assert played.does("wa attaches") == ""
+    for behind, reason in ((2.0, ""), (3.4, "the disk has not recorded anything for 3 s: ask again when it does")):
+        played.hub.engine.journal_status = JournalStatus(behind=behind)
+        assert reason in played.does("wa acts")
+    for deed in ("wa stops", "wa marks", "wa notes"):
+        assert played.does(deed) == "", deed
 
 
 def test_a_step_of_the_computers_clock_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:

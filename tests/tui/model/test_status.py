@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from textual.geometry import Region
 
 from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
-from rise_engine.run.protocol.client import Heartbeat, JournalStatus
+from rise_engine.run.protocol.client import Heartbeat, JournalStatus, UnrecordedStop
 from rise_engine.scenario.model import Condition
 from rise_tui.model.status import session_title, status_line
 from rise_tui.model.store import Store
@@ -184,6 +184,8 @@ def test_whether_it_is_recorded() -> None:
     assert "✗ NOT REC" in text(store, 80) and " PAUSED " in text(store, 80) and "LIVE" not in text(store, 80)
     store.journal_status = JournalStatus(behind=3.2)
     assert "disk 3 s behind" in text(store, 80)
+    store.journal_status = JournalStatus(behind=3.2, stop=UnrecordedStop("wizard:bob"))
+    assert " STOPPED " in text(store, 80) and "LIVE" not in text(store, 80)
 
 
 def test_nobody_was_named() -> None:
