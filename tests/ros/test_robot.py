@@ -129,6 +129,20 @@ def test_what_others_run_and_does_not_stop_is_not_confirmed(cancel: Any, reason:
     assert robot.stop() == StopReport(confirmed=("pepper/look_at",), unconfirmed=(f"pepper/speech ({reason})",))
 
 
+def test_what_a_person_has_released_and_still_runs_is_not_confirmed() -> None:
+    """A release lets the study go on. What the server says of a goal is said of it all the same."""
+    robot = Alone(Plan(seconds=30, cancel="reject"))
+    robot.start()
+    robot.run(1)
+    robot.robot.cancel("1/a")
+    robot.run(8)
+    robot.robot.release_open_goals("pepper/speech")
+    stopped = StopReport(confirmed=("pepper/look_at",), unconfirmed=("pepper/speech (it refused to stop)",))
+    assert robot.stop() == stopped and robot.servers[SPEECH].running()
+    robot.run(33)
+    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+
+
 def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> None:
     """As after a crash whose session nobody continued, or one that another version continued."""
     robot = Alone()

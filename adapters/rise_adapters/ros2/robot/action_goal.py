@@ -83,7 +83,7 @@ class ActionGoal:
         """The programs that offered the action when it was sent."""
         self._is_adopted = False
         """Whether an earlier engine has sent it, or somebody unknown ..."""
-        self.is_unknown = False
+        self.is_unknown = self.is_released = False
         self._may_cancel = True
         """... in which case it is stopped only on request."""
         self._began_late = False
@@ -142,6 +142,7 @@ class ActionGoal:
     def release(self) -> None:
         if self.phase == "ended" and self.may_be_running:
             self._note_once("released", f"somebody has released {self.endpoint.name}; {self.why_open()}")
+            self.is_released = True
             self._mark_over()
 
     def why_open(self) -> str:
@@ -355,8 +356,8 @@ class ActionGoal:
         self._host.report_accepted(self.action)
 
     def _accept_late(self) -> None:
-        self._accepted = True
-        self.may_be_running = True
+        self._accepted = self.may_be_running = True
+        self.is_released = False
         if not self._may_cancel:
             self._ask_result()
             return

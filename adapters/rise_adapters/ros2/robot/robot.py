@@ -328,7 +328,9 @@ class Ros2Robot:
     # --- stopping everything ------------------------------------------------------------------------------------
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
-        return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint and not goal.is_unknown}
+        """Our goals there. One that somebody has released is judged by what the server says, like those of others."""
+        ours = [goal for goal in self._by_id.values() if goal.endpoint is endpoint]
+        return {goal.id: goal for goal in ours if not (goal.is_unknown or goal.is_released)}
 
     # --- polling ------------------------------------------------------------------------------------------------
 
