@@ -46,6 +46,16 @@ class Alone:
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.connect(self.told.append)
 
+    def recover(self, *left: StartAction) -> None:
+        """The engine is killed. Another one continues the session, for which these goals were not over."""
+        self.robot._report, self.robot._closed = lambda report: None, True
+        self.near.close()
+        self.near = MemoryTransport(self.wire, self.loop, "/engine")
+        which = profile()
+        self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
+        self.robot.adopt(left)
+        self.robot.connect(self.told.append)
+
     def serve(self) -> None:
         for name, type in TYPES.items():
             self.servers[name] = BadServer(self.far, name, type, self.loop.call_later, self.plans)
@@ -155,10 +165,10 @@ def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> No
     (goal,) = state.open
     assert (state.status, goal.part, goal.type, goal.reason) == (
         *("degraded", "pepper/speech", "Speech"),
-        "this session did not begin it",
+        "it was running when the robot was found",
     )
     end = robot.of(ActionReport)[-1]
-    held = "held: /pepper/rise/speech may still be doing Speech (this session did not begin it) and gets nothing else"
+    held = "held: /pepper/rise/speech may still be doing Speech (it was running when the robot was found) and gets nothing else"
     assert (end.status, end.reason) == ("failed", held) and server.at_once == 1
     robot.robot.cancel_open_goals("pepper/speech")
     robot.run(8)
@@ -166,6 +176,34 @@ def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> No
     robot.start("2/a")
     robot.run(9)
     assert server.at_once == 1 and robot.of(ActionReport)[-1].status == "succeeded"
+
+
+def test_what_ran_before_the_session_is_over_with_its_result_if_its_status_is_missed() -> None:
+    robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=5))
+    robot.run(1)
+    robot.wire.drop("*/status")
+    robot.run(6)
+    assert robot.of(RobotChanged)[-1].open == () and robot.of(Note) == []
+
+
+@pytest.mark.parametrize("status_after", [0.0, 1.0])
+def test_what_others_have_begun_is_known_to_the_engine_that_continues(status_after: float) -> None:
+    """The kernel names every open goal to the next engine, which makes ids of ours from the names."""
+    robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=30))
+    robot.run(1)
+    (goal,) = robot.of(RobotChanged)[-1].open
+    robot.wire.delay("*/status", status_after, times=1)
+    robot.recover(StartAction(goal.action, goal.type, {}, 0.0, goal=bytes(reversed(OTHERS)).hex(), accepted=True))
+    for until in (1.5, 10):
+        robot.run(until)
+        assert [each.action for each in robot.of(RobotChanged)[-1].open] == [goal.action]
+    robot.run(31)
+    assert robot.of(RobotChanged)[-1].open == ()
+    robot.start("1/a", "LookAt")
+    robot.run(33)
+    assert robot.of(ActionReport)[-1].status == "succeeded"
 
 
 def test_what_others_begin_during_the_session_holds_nothing() -> None:

@@ -110,6 +110,8 @@ class ActionGoal:
         self._may_cancel = False
         self._accepted = True if accepted else None
         self._host.on_goal_changed(self)
+        if self.endpoint.presence.count:  # otherwise `on_server_changed` follows
+            self._ask_result()
 
     def cancel(self) -> None:
         """Stop the goal. If it was not sent yet, that ends it; otherwise the server is asked as soon as it has accepted
@@ -150,7 +152,7 @@ class ActionGoal:
             return "its program has gone"
         if self._is_adopted and not self.cancellation.confirmed and self.cancellation.refused_at is None:
             if self.is_unknown:
-                return "this session did not begin it"
+                return "it was running when the robot was found"
             return f"an engine that has gone {'began' if self._accepted else 'may have begun'} it"
         if self._accepted is None:
             return "it has not answered and may still begin"
@@ -396,7 +398,8 @@ class ActionGoal:
 
     def _take_late_result(self, servers: int, status: int) -> None:
         ended = status in FINAL_STATUSES
-        if not self._result.taken and ended and not (self.cancellation.tries and status == CANCELED):
+        is_expected = self.is_unknown or (self.cancellation.tries and status == CANCELED)
+        if not self._result.taken and ended and not is_expected:
             self._note_once(
                 "late",
                 f"the result of {self.action} ({STATUS_NAMES[status]}) came {self._since_end()} after its end "

@@ -11,6 +11,7 @@ from functools import partial
 from itertools import cycle
 from math import inf
 
+from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
 from rise_adapters.ros2.mapping import ActionMapping, read_options
@@ -43,6 +44,8 @@ POLL_WAITING = 0.05
 POLL_IDLE = 0.5
 """... and while nothing does, and all servers are there."""
 POLL_SOONEST = 0.001
+UNKNOWN_GOAL = "unknown/"
+"""What the name of a goal begins with that somebody else has begun; its id in hexadecimal digits follows."""
 MAX_REMEMBERED = 200
 """The number of goals that are kept to recognise late messages about them."""
 FAREWELL_SECONDS = 0.5
@@ -117,15 +120,14 @@ class Ros2Robot:
     def connect(self, report: ReportCallback) -> None:
         """Begin. Discovery takes time: reports start when every server is there, or the longest deadline is over."""
         self._report, self._is_connected = report, True
+        deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
+        self._grace_until = self.clock.now() + max(deadlines, default=0.0)
+        if goals := health.open_goals(self._endpoints):  # first: nobody has seen yet what the robot is doing
+            why = "goals were open when an engine ended; the robot is asked about them"
+            self._report(RobotChanged(status="degraded", detail=why, open=goals))
         for endpoint in self._endpoints:
             if isinstance(endpoint, ActionEndpoint) and endpoint.client.statuses:
                 self._look_for_unknown(endpoint)
-        deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
-        self._grace_until = self.clock.now() + max(deadlines, default=0.0)
-        if self._adopted:  # first: nobody has seen yet what the robot is doing
-            goals = health.open_goals(self._endpoints)
-            why = "an engine that has gone left goals behind; the robot is asked about them"
-            self._report(RobotChanged(status="degraded", detail=why, open=goals))
         self._open_estop()
         self._poll()
 
@@ -135,10 +137,12 @@ class Ros2Robot:
             mapping = self._mappings.get(goal.type)
             if mapping is None:
                 continue
-            made = self._make_goal(goal, mapping, {})
-            self._goals[goal.action] = made
-            self._adopted.append(made)
-            made.adopt(accepted=goal.accepted)
+            if goal.action.startswith(UNKNOWN_GOAL):
+                self._adopt_unknown(goal.type, bytes.fromhex(goal.action.removeprefix(UNKNOWN_GOAL)))
+            else:
+                made = self._goals[goal.action] = self._make_goal(goal, mapping, {})
+                self._adopted.append(made)
+                made.adopt(accepted=goal.accepted)
 
     def cancel_open_goals(self, part: str) -> None:
         for goal in self._goals_at(part):
@@ -474,16 +478,19 @@ class Ros2Robot:
         """Look once at what a server is doing when it is found. Goals of an earlier engine are known by then."""
         if self._is_connected and not endpoint.was_heard:
             endpoint.was_heard = True
+            type = next(action for action, its in self._endpoint_of.items() if its is endpoint)
             for id in endpoint.client.unfinished_goals() - self._by_id.keys():
-                self._adopt_unknown(endpoint, id)
+                self._adopt_unknown(type, id)
 
-    def _adopt_unknown(self, endpoint: ActionEndpoint, id: bytes) -> None:
-        """Take over a goal that ran before this session found the server. Nothing else goes there beside it."""
-        type = next(action for action, its in self._endpoint_of.items() if its is endpoint)
-        goal = StartAction(f"unknown/{id.hex()[:8]}", type, {}, 0.0, goal=id.hex())
-        made = ActionGoal(self, endpoint, goal, self._mappings[type], {}, 0.0)
-        self._goals[goal.action] = self._by_id[id] = made
-        made.adopt(accepted=True, unknown=True)
+    def _adopt_unknown(self, type: str, id: bytes) -> None:
+        """Take over a goal that ran before this session found the server. Nothing else goes there beside it. Its name
+        tells its whole id to an engine that continues the session. (Short ids of earlier versions do not.)"""
+        endpoint = self._endpoint_of[type]
+        if isinstance(endpoint, ActionEndpoint) and len(id) == len(ALL_GOALS):
+            goal = StartAction(f"{UNKNOWN_GOAL}{id.hex()}", type, {}, 0.0, goal=id.hex())
+            made = ActionGoal(self, endpoint, goal, self._mappings[type], {}, 0.0)
+            self._goals[goal.action] = self._by_id[id] = made
+            made.adopt(accepted=True, unknown=True)
 
     def _forget_oldest(self) -> None:
         """Keep the number of remembered goals bounded."""
