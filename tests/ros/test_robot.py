@@ -206,14 +206,24 @@ def test_what_others_have_begun_is_known_to_the_engine_that_continues(status_aft
     assert robot.of(ActionReport)[-1].status == "succeeded"
 
 
-def test_what_others_begin_during_the_session_holds_nothing() -> None:
+@pytest.mark.parametrize("is_used_before", [True, False])
+def test_what_others_begin_during_the_session_holds_nothing(is_used_before: bool) -> None:
     """A gaze controller may always be doing something; a session's own act takes its place."""
     robot = Alone()
-    robot.start("1/a", "LookAt")
-    robot.run(5)
-    robot.servers[GAZE].foreign(OTHERS, Plan(seconds=60))
+    if is_used_before:
+        robot.start("1/a", "LookAt")
     robot.run(6)
+    robot.servers[GAZE].foreign(OTHERS, Plan(seconds=60))
+    robot.run(7)
     assert robot.of(RobotChanged)[-1].status == "connected"
+
+
+def test_what_ran_before_the_session_is_shown_although_its_status_arrives_late() -> None:
+    robot = Alone()
+    robot.wire.delay("*/status", 3.0)
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60))
+    robot.run(4)
+    assert [goal.part for goal in robot.of(RobotChanged)[-1].open] == ["pepper/speech"]
 
 
 @pytest.mark.parametrize(

@@ -87,9 +87,10 @@ class ActionClient:
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
         self._cancel = transport.client(action_topic(self.name, CANCEL_GOAL), types[CANCEL_GOAL])
         self._result = transport.client(action_topic(self.name, GET_RESULT), types[GET_RESULT])
-        self._subscriptions = [
-            transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status)
-        ]
+        self._status = transport.subscribe(
+            action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status
+        )
+        self._subscriptions = [self._status]
         if feedback is not None:
             each_goal = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # of those running at a time
             self._subscriptions.append(
@@ -102,6 +103,10 @@ class ActionClient:
         """The number of servers; 0 while any of the three services is missing, because a request would be lost."""
         counts = (self._send.count_servers(), self._cancel.count_servers(), self._result.count_servers())
         return max(counts) if all(counts) else 0
+
+    def count_status_publishers(self) -> int:
+        """The number of those whose status would arrive."""
+        return self._status.count_publishers()
 
     def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:
         """Send a goal under our own id (16 bytes). `answered` receives whether it was accepted. Raises PortError."""

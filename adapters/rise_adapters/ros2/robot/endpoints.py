@@ -97,6 +97,10 @@ unheard: it receives messages, but some of its own do not arrive."""
 ASKING_SECONDS = 0.5
 """Seconds after its appearance in which it is asked about earlier goals, before people are told."""
 
+HEARING_SECONDS = 5.0
+"""Seconds after its status topic was found in which its last status arrives, also if it is lost once (Fast DDS repeats
+after 3 s)."""
+
 PROBE_SECONDS = 2.0
 """Seconds between two questions to a server that owes an answer. If it works again, it answers by itself."""
 NO_GOAL = b"\xff" * 16
@@ -213,7 +217,8 @@ class ActionEndpoint(_ComparedEndpoint):
         )
         self.lifecycle = LifecycleWatch(transport, clock.now)
         self.was_heard = False
-        """Whether it has told the status of its goals since it appeared."""
+        """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
+        self._status_found_at: float | None = None
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
 
@@ -223,13 +228,24 @@ class ActionEndpoint(_ComparedEndpoint):
         if gone:
             self.client.statuses.clear()
             self.was_heard = False
-            self._unanswered_at = None
+            self._status_found_at = self._unanswered_at = None
             self.lifecycle.follow("")
         elif self.presence.count:
             self.lifecycle.poll()
+            if not self.was_heard:
+                self.was_heard = self._is_heard_out()
             if self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
                 self._probe()
         return gone
+
+    def _is_heard_out(self) -> bool:
+        """Whether a status from before its appearance would have arrived by now."""
+        now = self._clock.now()
+        if not self.client.count_status_publishers():
+            self._status_found_at = None
+        elif self._status_found_at is None:
+            self._status_found_at = now
+        return self._status_found_at is not None and now >= self._status_found_at + HEARING_SECONDS
 
     def compare(self) -> bool:
         looked = super().compare()
