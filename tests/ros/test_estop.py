@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.robot.estop_input import SERVICE_TYPE
-from rise_adapters.ros2.transport.port import STATUS, QoS
+from rise_adapters.ros2.transport.port import RELIABLE, STATUS, QoS, RemoteEndpoint
 
 from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged
 from tests.ros.bench import profile
@@ -16,6 +16,7 @@ from tests.ros.test_robot import Alone
 
 NAME, TYPE, SOURCE = "/estop_pressed", "std_msgs/msg/Bool", "estop:/estop_pressed"
 TOPIC = {"topic": NAME, "type": TYPE, "when": {"data": True}}
+AGAIN = "start it again, or begin a new session"
 PRESSED, LET_GO = EstopReport(source=SOURCE, pressed=True), EstopReport(source=SOURCE, pressed=False)
 
 
@@ -95,20 +96,87 @@ def test_one_publisher_does_not_let_go_of_the_button_of_another(hangs: bool) -> 
         panel.close()
     say(robot, 10, (base, False))
     assert robot.of(EstopReport)[-1] == PRESSED, "nobody has let go of the button that was pressed"
-    gone = "had 2 publishers, and not all are there: the one that has gone may be pressed"
+    gone = f"is not published by /panel any more, where it may be pressed: {AGAIN}"
     assert standing(robot) == ("degraded", f"the emergency stop at /estop_pressed {why if hangs else gone}{was}")
 
 
-def test_a_button_whose_program_is_started_again_lets_go() -> None:
+@pytest.mark.parametrize("says_only_changes", [True, False])
+def test_a_button_whose_program_is_started_again_lets_go(says_only_changes: bool) -> None:
     robot = with_estop(**TOPIC)
-    first = robot.far.publisher(NAME, TYPE)
-    say(robot, 1, (first, True))
-    second = robot.far.publisher(NAME, TYPE)  # the middleware still shows the one that was killed
-    say(robot, 3, (second, False))
+    first, second = (another(robot, "/button", STATUS) for _ in range(2))  # the killed one is still shown
+    first.publish({"data": True})
+    robot.run(1)
+    second.publish({"data": False})
+    robot.run(2)
     assert robot.of(EstopReport) == [PRESSED]
-    first.close()
-    say(robot, 1, (second, False))
+    first.home.close()
+    say(robot, 3, *(() if says_only_changes else [(second, False)]))
     assert robot.of(EstopReport) == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
+def another(robot: Alone, node: str, offered: QoS = RELIABLE) -> Any:
+    """Another program with a button."""
+    return MemoryTransport(robot.wire, robot.loop, node).publisher(NAME, TYPE, offered)
+
+
+@pytest.mark.parametrize("seconds", [0, 2], ids=["between two looks", "for a while"])
+def test_a_program_that_comes_has_not_said_that_its_button_is_not_pressed(seconds: int) -> None:
+    robot = with_estop(**TOPIC)
+    before = another(robot, "/button")
+    say(robot, 2, (before, False))
+    before.home.close()
+    robot.run(robot.clock.now() + seconds)
+    now = another(robot, "/button")
+    robot.run(robot.clock.now() + 1)
+    robot.start()
+    robot.run(robot.clock.now() + 1)
+    assert robot.servers["/pepper/rise/speech"].at_once == 0
+    say(robot, 1, (now, False))
+    assert robot.servers["/pepper/rise/speech"].at_once == 1
+
+
+def test_a_button_without_its_program_is_not_let_go_by_a_program_of_another_name() -> None:
+    robot = with_estop(**TOPIC)
+    pressed = another(robot, "/button")
+    say(robot, 1, (pressed, True))
+    pressed.home.close()
+    say(robot, 2, (another(robot, "/panel"), False))
+    gone = (
+        f"is not published by /button any more, where it may be pressed: {AGAIN}; it was pressed when it was heard last"
+    )
+    assert robot.of(EstopReport) == [PRESSED] and standing(robot)[1] == f"the emergency stop at {NAME} {gone}"
+    say(robot, 2, (another(robot, "/button"), False))
+    assert robot.of(EstopReport) == [PRESSED], "there are two now"
+
+
+@pytest.mark.parametrize("seconds", [10, 40])
+def test_two_buttons_may_have_one_name(seconds: int) -> None:
+    """Programs that stay together for longer than a killed one is shown."""
+    robot = with_estop(**TOPIC)
+    one, other = another(robot, "/button"), another(robot, "/button")
+    say(robot, seconds, (one, True), (other, False))
+    one.home.close()
+    say(robot, 3, (other, False))
+    assert robot.of(EstopReport)[1:] == ([LET_GO] if seconds == 10 else [])
+    assert standing(robot)[0] == ("connected" if seconds == 10 else "degraded")
+
+
+def test_a_program_whose_node_is_not_known_for_a_moment_is_no_other_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = with_estop(**TOPIC)
+    before = another(robot, "/button")
+    say(robot, 2, (before, False))
+    now = another(robot, "/button")
+    find = robot.near.publisher_endpoints
+
+    def find_early(topic: str) -> list[RemoteEndpoint]:
+        return [replace(end, node="" if end.program == now.home.program else end.node) for end in find(topic)]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(robot.near, "publisher_endpoints", find_early)
+        say(robot, 1, (now, False))
+    before.home.close()
+    say(robot, 2, (now, False))
+    assert standing(robot)[0] == "connected"
 
 
 @pytest.mark.parametrize("then", ["not pressed", "pressed", "nothing"])

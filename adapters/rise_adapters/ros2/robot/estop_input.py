@@ -4,16 +4,19 @@ It hears every publisher, whatever its quality of service, because its subscript
 `ros2 topic echo`. While its state is not known for certain, that is a fault of the robot, and nothing new begins.
 
 A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
-with several publishers, or when one of them has gone, the state is not known.
+with several publishers, or when one of them has gone, the state is not known. A program that is new has said nothing
+yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Literal
 
 from rise_adapters.ros2.mapping.action_mapping import EstopMapping
-from rise_adapters.ros2.transport.port import Closable, Message, QoS, SendReply, Subscription, Transport
+from rise_adapters.ros2.robot.simple_goals import LEASE_SECONDS
+from rise_adapters.ros2.transport.port import Closable, Message, QoS, RemoteEndpoint, SendReply, Subscription, Transport
 from rise_engine.kernel.inputs import EstopReport
 
 SERVICE_TYPE = "std_srvs/srv/SetBool"
@@ -36,9 +39,7 @@ class EstopInput:
         """`now`: seconds on any running clock. Raises PortError."""
         self.name = transport.resolve(mapping.name)
         self.pressed: bool | None = None
-        """None: it has not reported yet."""
-        self.publishers: list[str] = []
-        """The nodes that publish it, at the last check."""
+        """None: the program that publishes it has not reported yet."""
         self._mapping = mapping
         self._transport = transport
         self._now = now
@@ -46,8 +47,14 @@ class EstopInput:
         self._qos = QoS()
         self._subscription: Subscription | None = None
         self._service: Closable | None = None
-        self._most = 0
-        """The largest number of nodes that have published it at the same time."""
+        self._programs: dict[bytes, float] = {}
+        """The programs that publish it, at the last look, and when they were found."""
+        self._ends: Counter[tuple[bytes, str]] = Counter()
+        """Their publishers, by program and node."""
+        self._known: Counter[str] = Counter()
+        """How many programs have to be there, by node."""
+        self._ask_again = False
+        """Whether a publisher that says only changes has to say again what is latched."""
         self._since: float | None = None
         """When it was found, or last heard; None: it is not there."""
         if mapping.type:
@@ -59,16 +66,36 @@ class EstopInput:
         """See who publishes it, and request what they offer."""
         if self._subscription is None:
             return
-        ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
-        self.publishers = [end.node for end in ends]
-        self._most = max(self._most, len(set(self.publishers)))
-        offered = [end.qos for end in ends if end.qos is not None]
+        offered = [end.qos for end in self._look() if end.qos is not None]
         if offered:
-            self._subscribe(QoS(10, all(qos.reliable for qos in offered), all(qos.latched for qos in offered)))
+            qos = QoS(10, all(qos.reliable for qos in offered), all(qos.latched for qos in offered))
+            if qos != self._qos or (self._ask_again and qos.latched):
+                self._subscribe(qos)
+            self._ask_again = False
         if not self._subscription.count_publishers():
             self._since = None
         elif self._since is None:
             self._since = self._now()
+
+    def _look(self) -> list[RemoteEndpoint]:
+        """See which programs publish it. A new one has not said that it is not pressed."""
+        ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
+        now, ends_before, before = self._now(), self._ends, self._programs
+        self._ends = Counter((end.program or end.node.encode(), end.node) for end in ends)
+        self._programs = {program: before.get(program, now) for program, _ in self._ends}
+        self._ask_again |= self._ends != ends_before
+        if self._programs.keys() - before.keys():
+            self._since = now
+            self.pressed = self.pressed or None
+        # A program that was killed is still shown for a while: two that stay longer than that are two buttons.
+        stay = Counter(node for program, node in self._ends if now > self._programs[program] + LEASE_SECONDS)
+        self._known |= stay | Counter({node for _, node in self._ends if node})
+        return ends
+
+    @property
+    def _nodes(self) -> Counter[str]:
+        """How many programs are there, by node."""
+        return Counter(node for _, node in self._ends)
 
     @property
     def fault(self) -> Literal["", "missing", "unheard", "silent", "several", "gone"]:
@@ -77,10 +104,9 @@ class EstopInput:
             return ""
         if self._since is None:
             return "missing"
-        count = self._subscription.count_publishers()
-        if count > 1:
+        if max(self._subscription.count_publishers(), len(self._programs)) > 1:
             return "several"
-        if min(count, len(set(self.publishers))) < self._most:
+        if self._known - self._nodes:
             return "gone"
         if self.pressed is None:
             return "unheard"
@@ -104,11 +130,12 @@ class EstopInput:
             case "unheard":
                 why = "has said nothing yet, so whether it is pressed is not known"
             case "several":
-                names = ", ".join(sorted(set(self.publishers)))
                 remedy = "a message does not say who sent it; let one program publish for all"
-                why = f"has several publishers ({names}): {remedy}"
+                why = f"has several publishers ({_name_all(self._nodes)}): {remedy}"
             case "gone":
-                why = f"had {self._most} publishers, and not all are there: the one that has gone may be pressed"
+                remedy = "start it again, or begin a new session"
+                who = _name_all(self._known - self._nodes)
+                why = f"is not published by {who} any more, where it may be pressed: {remedy}"
             case _:
                 return ""
         return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
@@ -119,15 +146,13 @@ class EstopInput:
                 handle.close()
 
     def _subscribe(self, qos: QoS) -> None:
-        if qos != self._qos:
-            assert self._subscription is not None
-            self._subscription.close()
-            self._qos = qos
-            self._subscription = self._transport.subscribe(
-                self._mapping.name, self._mapping.type, self._take_message, qos
-            )
+        assert self._subscription is not None
+        self._subscription.close()
+        self._qos = qos
+        self._subscription = self._transport.subscribe(self._mapping.name, self._mapping.type, self._take_message, qos)
 
     def _take_message(self, message: Message) -> None:
+        self._look()
         self._since = self._now()
         self._take(self._mapping.is_pressed(message))
 
@@ -143,3 +168,7 @@ class EstopInput:
         if pressed != self.pressed:
             self.pressed = pressed
             self._report(EstopReport(source=f"estop:{self.name}", pressed=pressed))
+
+
+def _name_all(nodes: Counter[str]) -> str:
+    return ", ".join(sorted(node or "a program without a node" for node in nodes.elements()))
