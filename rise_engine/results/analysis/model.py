@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct, field
 
@@ -31,6 +31,9 @@ ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """The kind of requester. program: a node, a client, the command line."""
 
 
+WaitPart: TypeAlias = Literal["wizard_s", "way_s", "rules_s", "queue_s", "robot_s", "voice_s"]
+WAIT_PARTS: tuple[WaitPart, ...] = get_args(WaitPart)
+"""The parts of the time until the robot acts, in their order."""
 InterruptionKind: TypeAlias = Literal["outage", "standstill", "stop"]
 """outage: the session had no engine; standstill: the engine stood still; stop: everything was stopped."""
 
@@ -174,37 +177,60 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
         and shares use this."""
         return None if self.filler or self.before_cue or self.response_interrupted else self.response_s
 
+    def ends_of(self, part: WaitPart) -> tuple[float | None, float | None]:
+        """Return the start and the end of a part of the wait for it. The parts follow one another."""
+        if self.before_cue and part in ("wizard_s", "way_s", "rules_s"):
+            return None, None
+        match part:
+            case "wizard_s":
+                return self.cue_at, self.key_at
+            case "way_s":
+                return self.key_at, self.taken_at
+            case "rules_s":
+                return self.cue_at if self.key_at is None else self.taken_at, self.accepted_at
+            case "queue_s":
+                return self.cue_at if self.before_cue else self.accepted_at, self.started_at
+            case "robot_s":
+                return self.started_at, self.robot_at
+            case "voice_s":
+                return self.robot_at, self.voice_at
+
+    @property
+    def wait_ends(self) -> tuple[float | None, float | None]:
+        """The start of its first known part and the end of its last."""
+        known = [ends for ends in map(self.ends_of, WAIT_PARTS) if None not in ends]
+        return (known[0][0], known[-1][1]) if known else (None, None)
+
     @property
     def wizard_s(self) -> float | None:
         """Seconds from cue to key: the wizard's part."""
-        return None if self.before_cue else seconds_between(self.cue_at, self.key_at)
+        return seconds_between(*self.ends_of("wizard_s"))
 
     @property
     def way_s(self) -> float | None:
         """Seconds from the key to the engine: until it took the key's own request."""
-        return None if self.before_cue else seconds_between(self.key_at, self.taken_at)
+        return seconds_between(*self.ends_of("way_s"))
 
     @property
     def rules_s(self) -> float | None:
         """Seconds from there (or from the cue, if no key was pressed) until the act was requested: what rules did and
         waited for before, and attempts that failed. 0 if the key requests the act."""
-        since = self.cue_at if self.key_at is None else self.taken_at
-        return None if self.before_cue else seconds_between(since, self.accepted_at)
+        return seconds_between(*self.ends_of("rules_s"))
 
     @property
     def queue_s(self) -> float | None:
         """Seconds in the queue, counted from the cue if that came later."""
-        return seconds_between(self.cue_at if self.before_cue else self.accepted_at, self.started_at)
+        return seconds_between(*self.ends_of("queue_s"))
 
     @property
     def robot_s(self) -> float | None:
         """Seconds from its turn to the robot's confirmation."""
-        return seconds_between(self.started_at, self.robot_at)
+        return seconds_between(*self.ends_of("robot_s"))
 
     @property
     def voice_s(self) -> float | None:
         """Seconds from the first confirmed action to the first that uses the voice."""
-        return seconds_between(self.robot_at, self.voice_at)
+        return seconds_between(*self.ends_of("voice_s"))
 
     @property
     def answered_at(self) -> float | None:

@@ -15,7 +15,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.results.analysis.model import PlayedAct, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.outages import seconds_without_engine, wall_seconds
 from rise_engine.results.export.course_tables import ACTS
 from rise_engine.results.export.session_tables import FACTS, SESSIONS
 from rise_engine.results.export.table_levels import MARKS
@@ -57,8 +57,8 @@ _TRIAL_TYPES = {
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
     "trial robot_said asked_task asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
-    "robot_next_at prompts repairs events marks failures stops wall_s interrupted "
-    "participant_interrupted wizard_interrupted"
+    "robot_next_at prompts repairs events marks failures stops interrupted "
+    "participant_interrupted wizard_interrupted participant_wall_s wizard_wall_s key_wall_s"
 )
 
 
@@ -113,7 +113,8 @@ ACT_COLUMNS: Columns = _picked(
     ACTS,
     "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
     "robot_at voice_at ended_at wizard_s way_s rules_s queue_s robot_s voice_s response_time=response_s "
-    "response_outage=response_outage_s response_interrupted mark condition",
+    "response_outage=response_outage_s response_wall=response_wall_s response_interrupted wait_interrupted "
+    "wizard_wall_s way_wall_s rules_wall_s queue_wall_s robot_wall_s voice_wall_s mark condition",
 )
 """The columns of `_beh.tsv`: a row for each act, in the order of the requests."""
 
@@ -179,6 +180,11 @@ def _outage(row: Row) -> float | None:
     return seconds_without_engine(outages, of.onset, max(of.onset, of.end if of.end is not None else of.onset))
 
 
+def _by_wall_clock(row: Row) -> float | None:
+    away = _outage(row) if row.of.trial_type != "recovery" else None
+    return wall_seconds(_duration(row), away, row.data.facts.speed)
+
+
 EVENT_COLUMNS: Columns = {
     column.name: column
     for column in (
@@ -226,6 +232,11 @@ EVENT_COLUMNS: Columns = {
             "Seconds of the wall clock without an engine, during the event or before a recovery. Session time stands "
             "still then: the duration does not include them.",
             _outage,
+        ),
+        seconds(
+            "wall_s",
+            "duration by the wall clock: divided by speed, and including outage_s; n/a: as in session time.",
+            _by_wall_clock,
         ),
         *_picked(ACTS, "condition").values(),
     )

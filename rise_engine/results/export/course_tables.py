@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from heapq import merge
 
 from msgspec import Struct
 
 from rise_engine.results.analysis.causes import actor_of
-from rise_engine.results.analysis.model import PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import wall_seconds
+from rise_engine.results.analysis.model import (
+    WAIT_PARTS,
+    InterruptionKind,
+    PlayedAct,
+    Point,
+    SessionData,
+    WaitPart,
+)
+from rise_engine.results.analysis.outages import interruption_between, wall_seconds
 from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
 from rise_engine.results.export.table_levels import (
     ACTION_STATUS,
@@ -26,19 +34,32 @@ from rise_engine.results.export.table_schema import (
     Reference,
     Row,
     TableSchema,
+    ends,
     interrupted,
+    interruption,
     moment,
     numbering,
     outage_columns,
     rows_of,
     seconds,
     span,
+    wall_column,
 )
 
 
 def _response_by_wall_clock(row: Row) -> float | None:
     act: PlayedAct = row.of
     return None if act.filler else wall_seconds(act.response_s, act.response_outage_s, row.data.facts.speed)
+
+
+def _wait_interruption(row: Row) -> InterruptionKind | None:
+    act: PlayedAct = row.of
+    return interruption_between(row.data.interruptions, *act.wait_ends) if row.data.interruptions else None
+
+
+def _ends_of_part(part: WaitPart, row: Row) -> tuple[float | None, float | None]:
+    act: PlayedAct = row.of
+    return act.ends_of(part)
 
 
 ACTS = TableSchema(
@@ -122,6 +143,8 @@ ACTS = TableSchema(
             "response_s by the wall clock, as wall_s; empty: as in session time.",
             _response_by_wall_clock,
         ),
+        interrupted("wait_interrupted", "the parts from wizard_s to voice_s", _wait_interruption),
+        *(wall_column(part, partial(_ends_of_part, part)) for part in WAIT_PARTS),
     ),
     ("session", "task"),
     rows_of("acts"),
@@ -197,6 +220,8 @@ CUES = TableSchema(
         seconds("filled_s", "From the cue to the filler.", span("at", "filled_at")),
         seconds("response_s", "From the cue to the answer.", span("at", "answered_at")),
         *outage_columns("response_s", "at", "answered_at"),
+        interrupted("filled_interrupted", "filled_s", interruption("at", "filled_at")),
+        wall_column("filled_s", ends("at", "filled_at")),
     ),
     ("session", "cue"),
     _cue_rows,

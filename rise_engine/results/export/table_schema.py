@@ -150,6 +150,28 @@ def interruption(start: str, end: str) -> Value:
     return lambda row: interruption_between(row.data.interruptions, getattr(row.of, start), getattr(row.of, end))
 
 
+def wall_column(name: str, ends: Callable[[Row], tuple[float | None, float | None]]) -> Column:
+    """Make the column for a duration by the wall clock, `NAME_wall_s` for `NAME_s`.
+
+    :param name: the duration's column.
+    :param ends: gives its start and its end.
+    """
+
+    def value(row: Row) -> float | None:
+        start, end = ends(row)
+        return wall_seconds(
+            between(start, end), seconds_without_engine(row.data.outages, start, end), row.data.facts.speed
+        )
+
+    about = f"{name} by the wall clock, as wall_s; empty: as in session time."
+    return seconds(f"{name.removesuffix('_s')}_wall_s", about, value, None)
+
+
+def ends(start: str, end: str) -> Callable[[Row], tuple[float | None, float | None]]:
+    """Get two attributes of the row's subject."""
+    return lambda row: (getattr(row.of, start), getattr(row.of, end))
+
+
 def outage_columns(what: str, start: str, end: str, away: Value | None = None) -> tuple[Column, Column, Column]:
     """Make columns for the time without an engine between two attributes, for the duration by the wall clock, and for
     what interrupted it.

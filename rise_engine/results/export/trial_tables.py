@@ -21,11 +21,13 @@ from rise_engine.results.export.table_schema import (
     Row,
     TableSchema,
     count,
+    ends,
     interrupted,
     moment,
     numbering,
     outage_columns,
     seconds,
+    wall_column,
 )
 from rise_engine.scenario.trial_settings import PARTICIPANT
 from rise_engine.study.model import Participant
@@ -91,6 +93,9 @@ TRIALS = TableSchema(
         *outage_columns("duration_s", "start", "end"),
         interrupted("participant_interrupted", "the time from asked_end to cue_at (without a cue: to key_at)"),
         interrupted("wizard_interrupted", "the time from cue_at to key_at"),
+        wall_column(PARTICIPANT, ends("asked_end", "cue_at")),
+        wall_column("wizard_s", ends("cue_at", "key_at")),
+        wall_column("key_s", ends("asked_end", "key_at")),
     ),
     ("session", "trial"),
     _trial_rows,

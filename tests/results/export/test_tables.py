@@ -28,6 +28,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActorKind, PointKind
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.export import table_levels
+from rise_engine.results.export.bids_tables import EVENT_COLUMNS, event_rows
 from rise_engine.results.export.course_tables import ACTS, CODED, CUES, PHASES
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.tables import FORMAT, PACKAGE, R_FILE, SPSS_FILE, TABLES
@@ -35,7 +36,15 @@ from rise_engine.results.export.trial_tables import WideTable
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.session.folder import INFO
 from rise_engine.session.media import MEDIA_FILE, AlignedBy
-from tests.results.analysis.samples import make_study, play_session, recovered_session, sessions_of, task, torn_session
+from tests.results.analysis.samples import (
+    act,
+    make_study,
+    play_session,
+    recovered_session,
+    sessions_of,
+    task,
+    torn_session,
+)
 
 frictionless = pytest.importorskip("frictionless", reason="frictionless is not installed: tables are not validated")
 
@@ -116,6 +125,50 @@ def test_durations_by_the_wall_clock_know_the_speed(tmp_path: Path) -> None:
         assert timed
         for row in timed:
             assert row[wall] == pytest.approx(row[lasts] / 4 + (row[away] or 0.0), abs=1e-6)
+    events = [{name: column.of(row) for name, column in EVENT_COLUMNS.items()} for row in event_rows(fast)]
+    assert any(event["outage_s"] and event["duration"] for event in events)
+    for event in events:
+        if event["duration"]:
+            assert event["wall_s"] == pytest.approx(event["duration"] / 4 + (event["outage_s"] or 0.0), abs=1e-6)
+
+
+PARTS = {
+    "acts": (
+        *(("wizard_s", "cue_at", "key_at", "wait_interrupted"), ("rules_s", "cue_at", "accepted_at", None)),
+        *(("queue_s", "accepted_at", "started_at", "wait_interrupted"), ("voice_s", "robot_at", "voice_at", None)),
+        ("robot_s", "started_at", "robot_at", "wait_interrupted"),
+    ),
+    "cues": (("filled_s", "at", "filled_at", "filled_interrupted"),),
+    "trials": (
+        ("participant_s", "asked_end", "cue_at", "participant_interrupted"),
+        *(("wizard_s", "cue_at", "key_at", "wizard_interrupted"), ("key_s", "asked_end", "key_at", None)),
+    ),
+}
+"""Parts of the times in three tables: where each begins and ends, and the column that says what interrupted it."""
+
+
+def test_every_part_across_an_outage_says_so_and_gives_wall_clock_time(tmp_path: Path) -> None:
+    """The engine is away for 20 s while an act waits in the queue, and before a filler, a cue and a key."""
+    visit, cue = (1.0, task("startInteractionRule", "Visit")), (9.0, task("markCue"))
+    asked = [visit, (3.0, task("raiseEventTopic", "/tea")), cue, act("Thanks", 12.0)]
+    root = tmp_path / "sessions"
+    plans = [([act("Answer", 10.0), act("Ask", 10.1)], 10.5), ([cue, act("Hm", 11.0)], 10.5)]
+    plans += [(asked, 10.5), (asked, 6.0)]
+    out = make_tables(tmp_path, [recovered_session(root, at=t, away=20.0, noted=t, script=each) for each, t in plans])
+    assert findings(out) == []
+    across = set()
+    recovered = {row["session"]: float(row["onset"]) for row in rows(out, "events") if row["kind"] == "recovery"}
+    for table, parts in PARTS.items():
+        for row in rows(out, table):
+            for part, start, end, interrupted in parts:
+                if row[part] == "" or (part == "rules_s" and row["key_at"]):
+                    continue
+                begin = "cue_at" if part == "queue_s" and row["before_cue"] == "true" else start
+                lost = float(row[begin]) < recovered[row["session"]] <= float(row[end])
+                assert row[part.replace("_s", "_wall_s")] == (f"{float(row[part]) + 20:.9g}" if lost else ""), part
+                assert not (lost and interrupted) or row[interrupted] == "outage", part
+                across |= {(table, part)} if lost else set()
+    assert {("acts", "queue_s"), ("cues", "filled_s"), ("trials", "wizard_s"), ("trials", "participant_s")} <= across
 
 
 def test_a_simulated_robot_is_said_to_be_one_in_any_mode(tmp_path: Path) -> None:
@@ -336,6 +389,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
         *("outcome_reason", "injected_faults", "wizard_key"),
         *("outage_s", "wall_s", "response_outage_s", "response_wall_s"),  # of sessions that were recovered
         *("interrupted", "response_interrupted", "participant_interrupted", "wizard_interrupted"),
+        *("wait_interrupted", "filled_interrupted", "way_wall_s", "rules_wall_s", "queue_wall_s", "robot_wall_s"),
+        *("voice_wall_s", "filled_wall_s", "participant_wall_s", "wizard_wall_s", "key_wall_s"),
         *("run_as", "scenario_changed_to", "changed_keys"),  # of sessions in which these happened
     }
     for schema in TABLES:
