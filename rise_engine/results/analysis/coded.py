@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from rise_engine.base.errors import SessionError
 from rise_engine.privacy.levels import LevelFilter, told_span
-from rise_engine.results.analysis.model import CodedAnnotation, Outage, PlayedAct
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import CodedAnnotation, Interruption, PlayedAct
+from rise_engine.results.analysis.outages import interruption_between
 from rise_engine.session.coded import CodedFile, read_coded, read_spans
 from rise_engine.session.coded_formats import CodedSpan
 
@@ -28,7 +28,7 @@ def read_annotations(
     folder: Path,
     level: LevelFilter,
     acts: Iterable[PlayedAct],
-    outages: Sequence[Outage],
+    interruptions: Sequence[Interruption],
     end: float,
     problems: list[str],
 ) -> tuple[CodedAnnotation, ...]:
@@ -37,7 +37,7 @@ def read_annotations(
     :param folder: the session's folder.
     :param level: the level's filter.
     :param acts: the session's acts.
-    :param outages: when it had no engine.
+    :param interruptions: among them, when it had no engine.
     :param end: the session's end in seconds.
     :param problems: gets sentences about what cannot be read.
     """
@@ -54,7 +54,7 @@ def read_annotations(
         except SessionError as error:
             problems.append(f"what was annotated in {file.name} is left out: {error}")
             continue
-        found += [coded_annotation(each, file, level, speech, outages) for each in spans]
+        found += [coded_annotation(each, file, level, speech, interruptions) for each in spans]
     return tuple(sorted(found, key=lambda each: each.begin))
 
 
@@ -82,7 +82,11 @@ def robot_speech(acts: Iterable[PlayedAct], end: float) -> Sequence[RobotSpeech]
 
 
 def coded_annotation(
-    span: CodedSpan, file: CodedFile, level: LevelFilter, robot: Sequence[RobotSpeech], outages: Sequence[Outage]
+    span: CodedSpan,
+    file: CodedFile,
+    level: LevelFilter,
+    robot: Sequence[RobotSpeech],
+    interruptions: Sequence[Interruption],
 ) -> CodedAnnotation:
     """Convert one annotation and compare it with the robot's speech.
 
@@ -90,8 +94,9 @@ def coded_annotation(
     :param file: its file.
     :param level: the level's filter.
     :param robot: when the robot spoke.
-    :param outages: when the session had no engine.
+    :param interruptions: among them, when the session had no engine.
     """
+    had_outage = span.outage or interruption_between(interruptions, span.begin, span.end) == "outage"
     is_speech, told = span.tier in file.speech, told_span(span, file, level)
     return CodedAnnotation(
         tier=span.tier,
@@ -104,8 +109,8 @@ def coded_annotation(
         file=file.name if level.level == "full" else "",
         speech=is_speech,
         outage_s=span.outage or None,
-        robot_overlap_s=_overlap(span, robot) if is_speech and not span.outage else None,
-        gap_s=_gap(span.begin, robot, outages) if is_speech else None,
+        robot_overlap_s=_overlap(span, robot) if is_speech and not had_outage else None,
+        gap_s=_gap(span.begin, robot, interruptions) if is_speech else None,
     )
 
 
@@ -114,11 +119,11 @@ def _overlap(span: CodedSpan, robot: Sequence[RobotSpeech]) -> float:
     return round(sum(each for each in shared if each > 0), 6)
 
 
-def _gap(at: float, robot: Sequence[RobotSpeech], outages: Sequence[Outage]) -> float | None:
+def _gap(at: float, robot: Sequence[RobotSpeech], interruptions: Sequence[Interruption]) -> float | None:
     before = bisect_right(robot, at, key=lambda piece: piece.begin)
     if not before or not robot[before - 1].known:
         return None
     end = robot[before - 1].end
-    if seconds_without_engine(outages, min(end, at), max(end, at)) is not None:
+    if interruption_between(interruptions, min(end, at), max(end, at)) == "outage":
         return None
     return round(at - end, 6)

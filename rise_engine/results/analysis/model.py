@@ -71,8 +71,8 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     """Seconds until its last record."""
     ended: bool = False
     """Whether the record has an end."""
-    downtime: float = 0.0
-    """Wall-clock seconds without an engine (`Outage`), which session time does not include."""
+    downtime: float | None = 0.0
+    """Wall-clock seconds without an engine (`Outage`), which session time does not include. None: not known."""
     recoveries: int = 0
     versions: dict[str, str] = field(default_factory=dict)
 
@@ -423,6 +423,7 @@ class SessionData(Struct, frozen=True, kw_only=True):
     phases: tuple[Phase, ...] = ()
     """All phases, also those without length."""
     outages: tuple[Outage, ...] = ()
+    """Those whose length is known."""
     interruptions: tuple[Interruption, ...] = ()
     """Outages, standstills and stops."""
     points: tuple[Point, ...] = ()

@@ -22,43 +22,47 @@ class OutageCollector:
         """`speed`: session seconds per second of the wall clock."""
         self._speed = speed
         self.outages: list[Outage] = []
+        """Those whose length is known."""
         self._before: AnyRecord | None = None
-        self._others: list[Interruption] = []
-        """Standstills and stops."""
+        self._found: list[Interruption] = []
+        """All interruptions but the stop in force."""
         self._stopped_at: float | None = None
         """When everything was stopped. None: it is not."""
 
     def add(self, record: AnyRecord) -> float | None:
-        """Take the next record. Returns the length of the outage that it ended, in seconds; None: it ended none."""
+        """Take the next record. Returns the length of the outage that it ended, in seconds; None: it ended none, or the
+        length is not known."""
         before, self._before = self._before, record
         if isinstance(record, StopRecord):
             self._add_stop(record)
         elif isinstance(record, NoteRecord) and record.stood is not None:
             since = record.t - record.stood * self._speed
-            self._others.append(Interruption(kind="standstill", at=since, until=record.t, seconds=record.stood))
-        if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
+            self._found.append(Interruption(kind="standstill", at=since, until=record.t, seconds=record.stood))
+        if not isinstance(record, SessionRecord) or record.status != "recovered":
+            return None
+        self._found.append(Interruption(kind="outage", at=record.t, until=record.t))
+        if before is None:
             return None
         # The wall clock is hidden at some levels, and the number is the same at all.
         away = downtime_by_clock(before, record, self._speed) if record.downtime is None else record.downtime
-        if away is None or away <= 0:
+        if away is None or away < -1.0:  # the computer's clock was set back meanwhile
             return None
-        self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
+        self.outages.append(Outage(at=record.t, seconds=max(0.0, round(away, 6))))
         return self.outages[-1].seconds
 
     def _add_stop(self, record: StopRecord) -> None:
         if record.status == "released":
             if self._stopped_at is not None:
-                self._others.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
+                self._found.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
             self._stopped_at = None
         elif self._stopped_at is None and record.source != ENGINE:  # its own stop ends the session
             self._stopped_at = record.t
 
     def interruptions(self) -> tuple[Interruption, ...]:
         """Return all outages, standstills and stops."""
-        found = [Interruption(kind="outage", at=each.at, until=each.at) for each in self.outages]
-        if self._stopped_at is not None:
-            found.append(Interruption(kind="stop", at=self._stopped_at, until=float("inf")))
-        return (*found, *self._others)
+        if self._stopped_at is None:
+            return tuple(self._found)
+        return (*self._found, Interruption(kind="stop", at=self._stopped_at, until=float("inf")))
 
 
 def interruption_between(

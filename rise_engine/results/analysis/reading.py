@@ -6,7 +6,7 @@ and no format can show more than it allows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -236,7 +236,7 @@ def _read(
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
         syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
         media=media,
-        coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
+        coded=read_annotations(folder, source.filter, played, interruptions, end, problems),
         scenario=scenario,
         repairs=count_repairs(few, played, phases.stepped_back, filler_acts(scenario) if scenario is not None else ()),
         problems=tuple(problems),
@@ -248,7 +248,7 @@ def _facts(
     source: SessionRecords,
     few: Iterable[AnyRecord],
     end: float,
-    outages: Iterable[Outage],
+    outages: Collection[Outage],
     judgement: Judgement | None,
 ) -> SessionFacts:
     """Return the facts from the journal, or from session.toml if an old journal lacks them."""
@@ -281,7 +281,7 @@ def _facts(
         started=started,
         duration=end,
         ended=source.contents.ended,
-        downtime=round(sum((each.seconds for each in outages), 0.0), 6),
+        downtime=round(sum((each.seconds for each in outages), 0.0), 6) if len(outages) == len(recovered) else None,
         recoveries=len(recovered),
         versions=said("versions"),
     )

@@ -156,7 +156,8 @@ SESSIONS = TableSchema(
         count("recoveries", "How often another engine continued the session after a failure."),
         seconds(
             "downtime_s",
-            "Seconds of the wall clock without an engine. Session time does not include them.",
+            "Seconds of the wall clock without an engine, which session time does not include. Empty: not known, "
+            "because the computer's clock was set back meanwhile.",
             lambda row: row.of.downtime,
         ),
         count("acts", "Requested acts, including refused ones.", lambda row: len(row.data.acts)),

@@ -58,7 +58,7 @@ def write_session(file: BinaryIO, data: SessionData) -> None:
         _write_chunk(file, STREAM_HEADER, _stream_header(name, type, data.facts), number)
     for number, (_, _, samples) in enumerate(streams, 1):
         _write_samples(file, number, samples)
-    looks = (0.0, max(1.0, data.facts.duration + data.facts.downtime))
+    looks = (0.0, max(1.0, data.facts.duration + (data.facts.downtime or 0.0)))
     for number, (_, _, samples) in enumerate(streams, 1):
         for at in looks:
             _write_chunk(file, CLOCK_OFFSET, struct.pack("<dd", at, 0.0), number)

@@ -148,7 +148,8 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
     outcome = facts.outcome or ("not said" if facts.purpose == "counted" else "")
     reason = f": {facts.outcome_reason}" if facts.outcome_reason else ""
     attempt = f", attempt {facts.attempt}" if facts.attempt > 1 else ""
-    downtime = f", recovered {pluralize(facts.recoveries, 'time')} after {length_text(facts.downtime)} in all"
+    away = f"{length_text(facts.downtime)} in all" if facts.downtime is not None else "an unknown time"
+    downtime = f", recovered {pluralize(facts.recoveries, 'time')} after {away}"
     rows = [
         ("Participant", facts.participant),
         ("Reassigned", f"run as {facts.run_as}; study.jsonl says why" if facts.run_as else ""),
@@ -341,8 +342,12 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
 
 
 def _outages(data: SessionData) -> str:
-    times = pluralize(len(data.outages), "outage")
-    return f"{times}, {length_text(data.facts.downtime)} in all by the wall clock" if data.outages else "none"
+    times, away = pluralize(data.facts.recoveries, "outage"), data.facts.downtime
+    if not data.facts.recoveries:
+        return "none"
+    return (
+        f"{times}, {length_text(away)} in all by the wall clock" if away is not None else f"{times}, of unknown length"
+    )
 
 
 def _standstills(data: SessionData) -> str:

@@ -485,6 +485,7 @@ def _went_wrong(row: SessionRow) -> str:
     """Describe problems in the record that no wizard marked."""
     facts, found = row.facts, row.figures.mistakes
     unanswered = row.figures.cues - row.figures.answered
+    away = seconds_text(facts.downtime) if facts.downtime is not None else "an unknown time"
     told = [
         f"run as {facts.run_as}" if facts.run_as else "",
         f"{pluralize(unanswered, 'cue')} not answered" if unanswered else "",
@@ -492,9 +493,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",
         f"robot lost {pluralize(found.robot_lost, 'time')}" if found.robot_lost else "",
         f"robot partly lost {pluralize(found.robot_degraded, 'time')}" if found.robot_degraded else "",
-        f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
-        if facts.recoveries
-        else "",
+        f"recovered {pluralize(facts.recoveries, 'time')}, {away} without engine" if facts.recoveries else "",
         f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
         f"condition changed by hand: {', '.join(facts.changed_keys)}" if facts.changed_keys else "",
         f"went on with changed files {pluralize(len(facts.changed_to), 'time')}" if facts.changed_to else "",

@@ -21,10 +21,12 @@ _LAST_SECOND = 253_402_300_799.0
 
 
 def seconds_between_labels(before: str, now: str) -> float | None:
-    """Compute the seconds between two wall-clock labels, at least 0; None if a label is invalid.
+    """Compute the seconds between two wall-clock labels, negative if the clock was set back; None: a label is invalid.
 
     >>> seconds_between_labels("2026-11-21T14:00:00.000+01:00", "2026-11-21T13:00:02.500+00:00")
     2.5
+    >>> seconds_between_labels("2026-11-21T14:00:00.000+01:00", "2026-11-21T12:00:00.000+00:00")
+    -3600.0
     >>> seconds_between_labels("", "2026-11-21T13:00:02.500+00:00") is None
     True
     """
@@ -32,7 +34,7 @@ def seconds_between_labels(before: str, now: str) -> float | None:
         between = datetime.fromisoformat(now) - datetime.fromisoformat(before)
     except (ValueError, TypeError):
         return None
-    return round(max(0.0, between.total_seconds()), 3)
+    return round(between.total_seconds(), 3)
 
 
 class SessionClock(Clock, Protocol):

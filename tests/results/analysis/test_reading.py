@@ -11,13 +11,20 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
+from rise_engine.kernel.records import ENGINE, ActionRecord, NoteRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
-from rise_engine.results.analysis.outages import OutageCollector, records_by_wall_clock, seconds_without_engine
+from rise_engine.results.analysis.outages import (
+    OutageCollector,
+    interruption_between,
+    records_by_wall_clock,
+    seconds_without_engine,
+)
 from rise_engine.results.analysis.phases import PointCollector
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.report.plain_text import text_lines
+from rise_engine.results.report.session_report import session_report
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.session.journal_reader import JournalContents
@@ -471,6 +478,37 @@ def test_whatever_is_left_of_a_journal_is_read(tmp_path: Path) -> None:
 )
 def test_what_became_of_a_cue(cue: Cue, state: str) -> None:
     assert cue.state == state
+
+
+@pytest.mark.parametrize(
+    ("downtime", "wall", "told"),
+    [
+        (None, "10:00:10", 0.0),  # an engine that began again at once
+        (None, "09:00:30", None),  # the computer began in the past
+        (None, "", None),
+        (0.0, "", 0.0),
+        (12.5, "", 12.5),
+    ],
+)
+def test_every_recovery_is_an_interruption(downtime: float | None, wall: str, told: float | None) -> None:
+    """Also if nobody knows how long the session had no engine."""
+    label = f"2026-11-29T{wall}.000+00:00" if wall else ""
+    collector = OutageCollector()
+    collector.add(NoteRecord(1, 10.0, "2026-11-29T10:00:10.000+00:00", "x", "engine"))
+    found = collector.add(SessionRecord(2, 10.0, label, status="recovered", downtime=downtime))
+    assert (found, len(collector.outages)) == (told, int(told is not None))
+    assert interruption_between(collector.interruptions(), 5.0, 15.0) == "outage"
+
+
+def test_a_clock_that_was_set_back_hides_no_outage(tmp_path: Path) -> None:
+    """A computer without a battery for its clock begins in the past."""
+    script = [(25.0, task("markCue", pressed=24.9)), act("Thanks", 30.0)]
+    data = read_session(recovered_session(tmp_path, at=26.0, away=-3600.0, script=script))
+    (told,) = [each for each in data.records if isinstance(each, SessionRecord) and each.status == "recovered"]
+    assert (told.downtime, data.facts.downtime, data.facts.recoveries, data.outages) == (None, None, 1, ())
+    assert (data.acts[0].response_interrupted, data.acts[0].answer_s) == ("outage", None)
+    text = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "recovered 1 time after an unknown time" in text and "1 outage, of unknown length" in text
 
 
 def test_two_outages_at_one_session_time_keep_their_lengths() -> None:

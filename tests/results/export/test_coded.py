@@ -20,7 +20,7 @@ from rise_engine.privacy.levels import LevelFilter
 from rise_engine.privacy.redaction import redact
 from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.coded import RobotSpeech, coded_annotation, robot_speech
-from rise_engine.results.analysis.model import ActPart, Outage
+from rise_engine.results.analysis.model import ActPart, Interruption
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.media_clock import session_clock
 from rise_engine.session.coded import CODED_FILE, CodedFile, read_coded
@@ -247,7 +247,8 @@ def test_an_annotation_across_an_outage_says_so(begin: float, end: float, expect
     found = clock.span_to_session(CodedSpan("s", "", begin, end, "hm"))
     assert (found.begin, found.end, found.outage) == expected
     file = CodedFile(name="a", sha256="", clock=clock, clock_by="given", tiers=("s",), speech=("s",))
-    told = coded_annotation(found, file, LevelFilter("full", None), [], [Outage(at=10.0, seconds=3.0)])
+    gone = Interruption(kind="outage", at=10.0, until=10.0)
+    told = coded_annotation(found, file, LevelFilter("full", None), [], [gone])
     assert (told.outage_s or 0.0, told.robot_overlap_s) == (expected[2], None if expected[2] else 0.0)
 
 
@@ -257,7 +258,9 @@ def test_after_speech_whose_end_nobody_knows_there_is_no_gap() -> None:
     assert robot == RobotSpeech(10.0, 15.0, known=False)
     file = CodedFile(name="a", sha256="", clock=CodedClock(), clock_by="given", tiers=("s",), speech=("s",))
     span = CodedSpan("s", "", 16.0, 17.0, "hm")
-    found = coded_annotation(span, file, LevelFilter("full", None), [robot], [Outage(at=15.0, seconds=9.0)])
+    found = coded_annotation(
+        span, file, LevelFilter("full", None), [robot], [Interruption(kind="outage", at=15.0, until=15.0)]
+    )
     assert (found.robot_overlap_s, found.gap_s) == (0.0, None)
 
 
@@ -272,19 +275,18 @@ def _speech(begin: float, end: float | None, status: ActionStatus = "succeeded")
         (1.0, 1.5, 0.0, None),  # the robot has said nothing yet
         (4.75, 5.5, 0.0, 0.75),
         (3.5, 4.5, 0.5, -0.5),  # into the robot's sentence
-        (1.0, 20.0, 5.0, None),  # over everything
+        (1.0, 20.0, None, None),  # over everything, also the time without an engine
         (4.0, 6.0, 0.0, 0.0),
         (16.0, 17.0, 0.0, None),  # the session had no engine since
     ],
 )
-def test_overlap_and_gap(begin: float, end: float, overlap: float, gap: Any) -> None:
+def test_overlap_and_gap(begin: float, end: float, overlap: Any, gap: Any) -> None:
     acts = [act(2, 4, parts=(_speech(2.0, 3.0), _speech(3.0, 4.0))), act(10, 13, parts=(_speech(10.0, 13.0),))]
     robot = robot_speech(acts, 30.0)
     assert robot == [RobotSpeech(2.0, 4.0), RobotSpeech(10.0, 13.0)]
     file = CodedFile(name="a", sha256="", clock=CodedClock(), clock_by="given", tiers=("s",), speech=("s",))
-    found = coded_annotation(
-        CodedSpan("s", "", begin, end, "hm"), file, LevelFilter("full", None), robot, [Outage(at=15.0, seconds=9.0)]
-    )
+    gone = Interruption(kind="outage", at=15.0, until=15.0)
+    found = coded_annotation(CodedSpan("s", "", begin, end, "hm"), file, LevelFilter("full", None), robot, [gone])
     assert (found.robot_overlap_s, found.gap_s) == (overlap, gap)
 
 
