@@ -113,7 +113,7 @@ class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
     text: str
     source: str = "engine"
     stood: float | None = None
-    """The engine's own: for so many seconds of the wall clock it has just stood still."""
+    """The engine's own: for so many seconds of the wall clock it has just stood still, or could record nothing."""
 
 
 class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc=False):

@@ -253,7 +253,7 @@ class NoteRecord(Record, tag="note"):
     text: str
     source: str
     stood: float | None = None
-    """The engine has just stood still, for so many seconds of the wall clock: what happened then is recorded late."""
+    """The engine has just stood still or could record nothing, for so many seconds of the wall clock."""
 
 
 class CueRecord(Record, tag="cue"):

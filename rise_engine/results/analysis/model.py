@@ -35,7 +35,8 @@ WaitPart: TypeAlias = Literal["wizard_s", "way_s", "rules_s", "queue_s", "robot_
 WAIT_PARTS: tuple[WaitPart, ...] = get_args(WaitPart)
 """The parts of the time until the robot acts, in their order."""
 InterruptionKind: TypeAlias = Literal["outage", "standstill", "stop"]
-"""outage: the session had no engine; standstill: the engine stood still; stop: everything was stopped."""
+"""outage: the session had no engine; standstill: the engine stood still, or could record nothing; stop: everything was
+stopped."""
 
 
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):

@@ -69,7 +69,7 @@ PHASE_ENDS = {
 }
 INTERRUPTIONS = {
     "outage": "the session had no engine for a while",
-    "standstill": "the engine stood still for a while: what happened then is recorded late",
+    "standstill": "the engine stood still or could record nothing for a while: what happened then is recorded late",
     "stop": "everything was stopped for a while",
 }
 CHECK_RESULTS = {

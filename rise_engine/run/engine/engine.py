@@ -176,6 +176,8 @@ class Engine:
         """The stop in force as the sinks know it."""
         self._end_by = inf
         """The session time at which the session ends without the robot."""
+        self._delayed_from: float | None = None
+        """The session time since which nothing can be recorded. None: it can."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
 
@@ -499,14 +501,25 @@ class Engine:
         journal = self._journal
         assert journal is not None
         error = journal.error
-        if not error and self.journal_status.trouble:
-            self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.sentence}"))
+        self._note_delay(journal)
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
         is_told = bool(error) or lag > 1 or self.journal_status.stop is not None  # what was told stays until recorded
         now = JournalStatus(self._seq, lag, error, self._find_unrecorded_stop() if is_told else None)
         before, self.journal_status = self.journal_status, now
         if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)
+
+    def _note_delay(self, journal: Journal) -> None:
+        """Note afterwards that nothing could be recorded for a while: nobody could be answered then."""
+        now = self.clock.now()
+        if journal.error or journal.lag > MOST_LATE_SECONDS:
+            if self._delayed_from is None:
+                self._delayed_from = now - journal.lag * self.clock.speed
+        elif self._delayed_from is not None:
+            seconds, self._delayed_from = (now - self._delayed_from) / self.clock.speed, None
+            trouble = self.journal_status.sentence if self.journal_status.trouble else f"the disk took {seconds:.0f} s"
+            text = f"recording was interrupted and goes on now: {trouble}"
+            self.post(Note(text=text, stood=round(seconds, 3)))
 
     def _find_unrecorded_stop(self) -> UnrecordedStop | None:
         """Return the stop in force, with the robot's answer, if something of it is not recorded yet."""

@@ -178,6 +178,19 @@ async def test_nothing_that_has_waited_behind_a_late_act_begins(
         assert any("2 waiting acts cancelled: it was recorded 0 s late" in note.text for note in it.of(NoteRecord))
 
 
+async def test_a_disk_that_hung_is_noted_as_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = StallingDisk()
+    monkeypatch.setattr(Journal, "lag", property(lambda journal: 0.0 if disk.go.is_set() else 6.0))
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.engine.flush_durable()  # as it is called all the time
+        disk.go.set()
+        it.engine.flush_durable()
+        await it.until(lambda: it.of(NoteRecord))
+        (note,) = it.of(NoteRecord)
+        assert note.text == "recording was interrupted and goes on now: the disk took 6 s" and note.stood >= 6.0
+
+
 @pytest.mark.parametrize("then", ["let go", "stop"])
 async def test_an_engine_can_keep_actions_back_until_somebody_is_there(tmp_path: Path, then: str) -> None:
     async with session(tmp_path, Disk()) as it:
@@ -263,7 +276,9 @@ async def test_a_full_disk_pauses_the_session(tmp_path: Path) -> None:
         assert not it.journalings[-1].trouble
         ended = [record for record in it.of(ActionRecord) if record.status == "succeeded"]
         assert len(ended) == 1 and ended[0].t <= at
-        assert it.of(NoteRecord)[0].text == "recording was interrupted and goes on now: the disk is full"
+        (note,) = it.of(NoteRecord)
+        assert note.text == "recording was interrupted and goes on now: the disk is full"
+        assert 0 < note.stood <= note.t, "a wait across it is in no median"
         it.ask(start("Greet"))
         await it.until(lambda: it.replies[-1].accepted)
         numbers = [record.seq for record in it.records]
