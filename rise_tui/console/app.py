@@ -174,15 +174,18 @@ class ConsoleApp(TerminalApp):
 
     # --- sessions ---------------------------------------------------------------------------------------------------
 
-    async def _start_session(self, scenario: Scenario, settings: SessionOptions) -> None:
-        """Start a session and attach to it."""
+    async def _start_session(self, scenario: Scenario, settings: SessionOptions, notice: str = "") -> None:
+        """Start a session and attach to it.
+
+        :param notice: what people have to know of the session before.
+        """
         try:
             client = await asyncio.to_thread(self._launcher.start, scenario, settings)
         except (EngineGone, ValueError) as error:
             await self._exit_without_session(f"the session could not start: {error}")
             return
         self._settings = settings
-        await self._show_session(client)
+        await self._show_session(client, notice)
 
     async def _show_session(self, client: Client, notice: str = "") -> None:
         try:
@@ -254,8 +257,10 @@ class ConsoleApp(TerminalApp):
             if closed == "late":
                 self._session.show_notice(Notice("the session did not end in time: nothing new was started", "fault"))
             return
+        store = self._session.store
+        warning = unrecorded_end_text(store) or look_at_robot_text(store.view.left_open)
         await self._close_console_screen()
-        await self._start_session(scenario, settings)
+        await self._start_session(scenario, settings, warning)
 
     async def _close_console_screen(self) -> None:
         """Close the screen of the last session, and everything that was opened above it."""

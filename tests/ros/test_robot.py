@@ -168,7 +168,8 @@ def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> No
         "it was running when the robot was found",
     )
     end = robot.of(ActionReport)[-1]
-    held = "held: /pepper/rise/speech may still be doing Speech (it was running when the robot was found) and gets nothing else"
+    why = "it was running when the robot was found"
+    held = f"held: /pepper/rise/speech may still be doing Speech ({why}) and gets nothing else"
     assert (end.status, end.reason) == ("failed", held) and server.at_once == 1
     robot.robot.cancel_open_goals("pepper/speech")
     robot.run(8)

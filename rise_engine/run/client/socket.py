@@ -54,6 +54,8 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.serialization import decode_scenario
 
 READ_BYTES = 262_144
+ATTACH_SECONDS = 15.0
+"""Seconds in which the engine must tell its state. An engine that stands still tells nothing."""
 SLICE_SECONDS = 0.001
 """Seconds of reading after which other tasks of the loop get their turn."""
 MAX_WAITING_RECORDS = 20_000
@@ -94,8 +96,14 @@ class SocketClient:
         connection = await _ServerConnection.open(self._socket_path())
         try:
             connection.write(AttachMessage(VERSION, self._name, self._role, scenario=self._scenario is None))
-            hello, view = await connection.state
+            hello, view = await asyncio.wait_for(connection.state, ATTACH_SECONDS)
             scenario = await self._find_scenario(hello, connection.scenario)
+        except TimeoutError:
+            await connection.close()
+            raise EngineGone(
+                f"the engine of the session at {self._socket_path()} gives no sign of life: look at the robot, and "
+                "at the computer that runs the engine"
+            ) from None
         except BaseException:
             await connection.close()
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import socket
 from pathlib import Path
 from random import Random
 
@@ -13,6 +14,7 @@ import pytest
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
+from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Client, EngineGone, JournalStatus, LinkLost
 from rise_engine.run.protocol.messages import TasksMessage as TasksMessage
 from rise_engine.run.protocol.messages import (
@@ -41,6 +43,17 @@ async def sees(follower: Follower, text: str, served: Served) -> None:
     await asyncio.wait_for(done.wait(), PATIENCE)
     seq = served.hub.view.seq
     await follower.until(lambda view: view.seq >= seq)
+
+
+async def test_an_engine_that_stands_still_is_told(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its backlog still takes connections, and nobody answers."""
+    monkeypatch.setattr("rise_engine.run.client.socket.ATTACH_SECONDS", 0.01)
+    with socket.socket(socket.AF_UNIX) as silent:
+        silent.bind(str(scratch / "x.sock"))
+        silent.listen()
+        client = SocketClient(scratch / "x.sock", "anna")
+        with pytest.raises(EngineGone, match="gives no sign of life: look at the robot"):
+            await client.attach()
 
 
 def test_the_state_on_the_wire_has_every_field_of_a_view() -> None:

@@ -7,7 +7,7 @@ import json
 import pytest
 from textual.widgets import Button, Input
 
-from rise_engine.kernel.records import MemoryRecord, RobotRecord
+from rise_engine.kernel.records import MemoryRecord, OpenGoal, RobotRecord
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
@@ -359,7 +359,10 @@ async def test_settings_show_what_is_wrong_and_apply_after_asking_and_ending_the
         screen.query_one("#apply", Button).press()
         await it.shows(EndSessionDialog)
         assert first.closed == []
+        assert it.app._session is not None
+        it.app._session.store.view.left_open = (OpenGoal("pepper/speech", "3/1", "Speech", "it refused to stop"),)
         await it.press("e", "n", "d", "enter")
         await it.until(lambda: first.closed == [True])
         await it.until(lambda: "REAL" in it.bars.status_line.text)
         assert launcher.started[1].mode == "real" and launcher.started[1].participant == "P08"
+        await it.until(lambda: "LOOK AT THE ROBOT" in it.notice)
