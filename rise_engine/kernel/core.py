@@ -218,8 +218,10 @@ class Core:
         or by no key."""
         return self.key_at if task == self.origin else None
 
-    def record_note(self, text: str, source: str = ENGINE, stood: float | None = None) -> None:
-        self.emit(NoteRecord, text, source, stood)
+    def record_note(
+        self, text: str, source: str = ENGINE, stood: float | None = None, *, suspended: bool = False
+    ) -> None:
+        self.emit(NoteRecord, text, source, stood, suspended)
 
     # --- events of the engine itself ---
 

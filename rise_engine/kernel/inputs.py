@@ -114,6 +114,8 @@ class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
     source: str = "engine"
     stood: float | None = None
     """The engine's own: for so many seconds of the wall clock it has just stood still, or could record nothing."""
+    suspended: bool = False
+    """With `stood`: the computer was suspended, so session time stood still."""
 
 
 class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc=False):

@@ -313,7 +313,8 @@ class Kernel:
             case EstopReport():
                 self._handlers.take_estop(input)
             case Note():
-                core.record_note(input.text, input.source, input.stood if input.source == ENGINE else None)
+                stood = input.stood if input.source == ENGINE else None
+                core.record_note(input.text, input.source, stood, suspended=stood is not None and input.suspended)
             case ControlChanged():
                 core.emit(ControlRecord, input.status, input.by, input.holder)
             case SessionStarted():

@@ -254,6 +254,8 @@ class NoteRecord(Record, tag="note"):
     source: str
     stood: float | None = None
     """The engine has just stood still or could record nothing, for so many seconds of the wall clock."""
+    suspended: bool = False
+    """With `stood`: the computer was suspended, so session time stood still."""
 
 
 class CueRecord(Record, tag="cue"):

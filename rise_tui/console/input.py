@@ -11,6 +11,7 @@ from time import monotonic
 from typing import Protocol
 
 from rise_engine.author.drawing.study_keys import EVENT
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.behaviors import describe_behavior, is_object
 from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
@@ -100,6 +101,8 @@ class InputController:
         self._paste_until = float("-inf")
         self._alive_at = float("inf")
         """When the console last knew that it does not stand still."""
+        self._suspended = 0.0
+        """`suspended_seconds` at that time."""
         self._pressed: dict[tuple[str, str], float] = {}
         """The last press by function and behavior, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
@@ -135,14 +138,14 @@ class InputController:
     def note_alive(self) -> None:
         """Note that the console does something. It calls this every second."""
         self._look_for_standstill()
-        self._alive_at = self._clock()
+        self._alive_at, self._suspended = self._clock(), suspended_seconds()
 
     def _look_for_standstill(self) -> None:
         """After a standstill of the console, keys count again a moment later."""
-        now = self._clock()
-        stood = now - self._alive_at
+        now, suspended = self._clock(), suspended_seconds()
+        stood = now - self._alive_at + suspended - self._suspended
         if stood > STALL_SECONDS:
-            self._alive_at, self._paste_until = now, now + PASTE_QUIET_SECONDS
+            self._alive_at, self._suspended, self._paste_until = now, suspended, now + PASTE_QUIET_SECONDS
             self.disarm()
             self._actions.show_notice(f"the console stood still for {stood:.0f} s: keys of that time start nothing")
 

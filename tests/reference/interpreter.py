@@ -87,7 +87,7 @@ class Interpreter:
             case ControlChanged():
                 session.put("control", status=input.status, by=input.by, holder=input.holder)
             case Note():
-                session.put("note", text=input.text, source=input.source, stood=None)
+                session.put("note", text=input.text, source=input.source, stood=None, suspended=False)
             case SessionEnded():
                 self._session_record("ended", reason=input.reason, open=session.acts.open)
             case SessionRecovered():

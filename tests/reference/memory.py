@@ -28,7 +28,7 @@ class Memory:
         """What the condition of the session sets, where anybody may."""
         for key, value in values.items():
             if why := self.why_not_set(key):
-                self.session.put("note", text=why, source="engine", stood=None)
+                self.session.put("note", text=why, source="engine", stood=None, suspended=False)
             else:
                 self.set(key, copy.deepcopy(value), source)
 
@@ -83,7 +83,7 @@ class Memory:
     def note_missing(self, missing: set[str]) -> None:
         """Say of keys that do not exist that they were read."""
         for key in self.first_time(missing):
-            self.session.put("note", text=f"there is no key {key}", source="engine", stood=None)
+            self.session.put("note", text=f"there is no key {key}", source="engine", stood=None, suspended=False)
 
     def holds(self, condition: Expression, rule: str, state: str) -> bool:
         """Look at a condition; what was seen is recorded."""

@@ -223,7 +223,9 @@ class Tasks:
             words = []  # the check has told the author
         self.record(task, "SUCCEEDED")
         for change in words:
-            self.session.put("note", text=f"{change.bare_word} is taken as a text", source="engine", stood=None)
+            self.session.put(
+                "note", text=f"{change.bare_word} is taken as a text", source="engine", stood=None, suspended=False
+            )
         for key, value in entries:
             memory.set(key, value, task.source)
 

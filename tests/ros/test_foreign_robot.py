@@ -20,6 +20,7 @@ from rise_adapters.ros2.transport.port import QoS
 from rise_ros.examples.goal_reader import GoalReader
 from rise_ros.examples.simulated_robot import RobotOnWire
 
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.cli import main
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import StopReport
@@ -206,14 +207,21 @@ def test_a_topic_is_repeated_at_its_rate_and_reset_once() -> None:
     assert robot.log("Turn") == ["begun", "ended reset"] * 2
 
 
-def test_a_base_does_not_go_on_by_itself_after_a_standstill_of_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("suspended", [True, False])
+def test_a_base_does_not_go_on_by_itself_after_a_standstill_of_the_session(
+    monkeypatch: pytest.MonkeyPatch, suspended: bool
+) -> None:
     """Its watchdog has stopped it meanwhile, and somebody may stand before it."""
     robot = Zora()
     robot.start("turn", "Turn", speed=0.5, duration=60_000)
     robot.run(1)
     before = len(robot.wire.messages("/cmd_vel"))
     now = robot.clock.now
-    monkeypatch.setattr(robot.clock, "now", lambda: now() + 5)
+    if suspended:
+        before_that = suspended_seconds()
+        monkeypatch.setattr("rise_adapters.ros2.robot.simple_goals.suspended_seconds", lambda: before_that + 5)
+    else:
+        monkeypatch.setattr(robot.clock, "now", lambda: now() + 5)
     robot.run(1)
     assert [each["twist"]["angular"]["z"] for each in robot.wire.messages("/cmd_vel")[before:]] == [0.0]
     assert [(status, reason) for _, status, reason in robot.endings()] == [

@@ -38,8 +38,8 @@ def read_marks(folder: Path) -> MarksAndOutages:
     interruptions: list[float] = []
     collector = OutageCollector((read_labels(folder / JOURNAL) or {}).get("speed") or 1.0)
     for record in read_journal(folder / JOURNAL).read_records():
-        collector.add(record)
-        if isinstance(record, SessionRecord) and record.status == "recovered":
+        away = collector.add(record)
+        if away is not None or (isinstance(record, SessionRecord) and record.status == "recovered"):
             interruptions.append(record.t)
         elif isinstance(record, SyncRecord):
             within = record.within if record.within is not None else UNKNOWN_WITHIN

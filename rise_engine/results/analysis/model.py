@@ -35,8 +35,8 @@ WaitPart: TypeAlias = Literal["wizard_s", "way_s", "rules_s", "queue_s", "robot_
 WAIT_PARTS: tuple[WaitPart, ...] = get_args(WaitPart)
 """The parts of the time until the robot acts, in their order."""
 InterruptionKind: TypeAlias = Literal["outage", "standstill", "stop"]
-"""outage: the session had no engine; standstill: the engine stood still, or could record nothing; stop: everything was
-stopped."""
+"""outage: the session had no engine, or its computer was suspended; standstill: the engine stood still, or could record
+nothing; stop: everything was stopped."""
 
 
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
@@ -317,12 +317,12 @@ class CodedAnnotation(Struct, frozen=True, kw_only=True):
 
 
 class Outage(Struct, frozen=True, kw_only=True):
-    """A time between two engines, in which session time stood still."""
+    """A time between two engines, or while the computer was suspended: session time stood still."""
 
     at: float
     """The session time at which it stood still."""
     seconds: float
-    """Its length by the wall clock, from the first engine's last sign of life to the recovery."""
+    """Its length by the wall clock; between two engines, from the first one's last sign of life to the recovery."""
 
 
 class Interruption(Struct, frozen=True, kw_only=True):

@@ -1,5 +1,5 @@
-"""Interruptions: when a session had no engine, its engine stood still, or everything was stopped, and which durations
-this affects."""
+"""Interruptions: when a session had no engine, its computer was suspended, its engine stood still, or everything was
+stopped, and which durations this affects."""
 
 from __future__ import annotations
 
@@ -36,6 +36,10 @@ class OutageCollector:
         if isinstance(record, StopRecord):
             self._add_stop(record)
         elif isinstance(record, NoteRecord) and record.stood is not None:
+            if record.suspended:
+                self._found.append(Interruption(kind="outage", at=record.t, until=record.t))
+                self.outages.append(Outage(at=record.t, seconds=record.stood))
+                return record.stood
             since = record.t - record.stood * self._speed
             self._found.append(Interruption(kind="standstill", at=since, until=record.t, seconds=record.stood))
         if not isinstance(record, SessionRecord) or record.status != "recovered":
@@ -57,6 +61,13 @@ class OutageCollector:
             self._stopped_at = None
         elif self._stopped_at is None and record.source != ENGINE:  # its own stop ends the session
             self._stopped_at = record.t
+
+    @property
+    def downtime(self) -> float | None:
+        """Wall-clock seconds of all outages. None: the length of one is not known."""
+        if len(self.outages) < sum(each.kind == "outage" for each in self._found):
+            return None
+        return round(sum((each.seconds for each in self.outages), 0.0), 6)
 
     def interruptions(self) -> tuple[Interruption, ...]:
         """Return all outages, standstills and stops."""

@@ -6,7 +6,7 @@ and no format can show more than it allows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from rise_engine.kernel.wizard_marks import filler_acts
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.coded import read_annotations
-from rise_engine.results.analysis.model import Outage, SessionData, SessionFacts
+from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.outages import OutageCollector
 from rise_engine.results.analysis.phases import ConditionCollector, PhaseCollector, PointCollector, count_repairs
 from rise_engine.results.analysis.session_records import SessionRecords
@@ -219,7 +219,7 @@ def _read(
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
         facts=replace(
-            _facts(source, few, end, away.outages, _judgement(source, study, few)), changed_keys=condition.keys()
+            _facts(source, few, end, away.downtime, _judgement(source, study, few)), changed_keys=condition.keys()
         ),
         level=level,
         folder=folder,
@@ -248,7 +248,7 @@ def _facts(
     source: SessionRecords,
     few: Iterable[AnyRecord],
     end: float,
-    outages: Collection[Outage],
+    downtime: float | None,
     judgement: Judgement | None,
 ) -> SessionFacts:
     """Return the facts from the journal, or from session.toml if an old journal lacks them."""
@@ -281,7 +281,7 @@ def _facts(
         started=started,
         duration=end,
         ended=source.contents.ended,
-        downtime=round(sum((each.seconds for each in outages), 0.0), 6) if len(outages) == len(recovered) else None,
+        downtime=downtime,
         recoveries=len(recovered),
         versions=said("versions"),
     )

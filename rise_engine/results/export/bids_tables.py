@@ -165,7 +165,7 @@ class _EventRow(Struct, kw_only=True, frozen=True):
     channel: str = ""
     mark: str | None = None
     outage_s: float | None = None
-    """recovery: seconds without an engine before it."""
+    """recovery, note of a suspend: seconds without an engine before it."""
 
 
 def _duration(row: Row) -> float | None:
@@ -175,7 +175,7 @@ def _duration(row: Row) -> float | None:
 
 def _outage(row: Row) -> float | None:
     of, outages = row.of, row.data.outages
-    if of.trial_type == "recovery":
+    if of.outage_s is not None:
         return of.outage_s  # type: ignore[no-any-return]
     return seconds_without_engine(outages, of.onset, max(of.onset, of.end if of.end is not None else of.onset))
 

@@ -263,7 +263,7 @@ class _Event(Struct, frozen=True):
     by: str = ""
     """Who caused it. Empty: `source`."""
     outage_s: float | None = None
-    """recovery: seconds without an engine before it."""
+    """recovery, note of a suspend: seconds without an engine before it."""
 
 
 def _event_rows(data: SessionData) -> Iterator[Row]:
@@ -310,7 +310,9 @@ def _event_columns() -> tuple[Column, ...]:
             lambda row: span("onset", "end")(row) or 0.0,
         ),
         seconds(
-            "outage_s", outage_s.about, lambda row: row.of.outage_s if row.of.kind == "recovery" else outage_s.of(row)
+            "outage_s",
+            outage_s.about,
+            lambda row: outage_s.of(row) if row.of.outage_s is None else row.of.outage_s,
         ),
         wall_s,
         Column("kind", "The kind of event.", levels=EVENT_KINDS, required=True),

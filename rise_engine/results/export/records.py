@@ -56,7 +56,7 @@ COLUMNS = (
     "open",  # robot, session
     *("cause", "via"),  # task
     *("driver", "injected_faults", "speed"),  # session
-    "stood",  # note
+    *("stood", "suspended"),  # note
 )
 """The table's columns. All are always there, in this order; new ones may only be added at the end."""
 
@@ -76,7 +76,7 @@ class SessionExport:
     ...     export = SessionExport(Path(folder))
     ...     export.write("jsonl", out)
     >>> out.getvalue()
-    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine","stood":null}\\n'
+    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine","stood":null,"suspended":false}\\n'
     >>> len(export.problems)  # there is no session.toml
     1
     """

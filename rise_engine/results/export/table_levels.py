@@ -68,7 +68,7 @@ PHASE_ENDS = {
     "faulted": "a fault stopped the rule",
 }
 INTERRUPTIONS = {
-    "outage": "the session had no engine for a while",
+    "outage": "the session had no engine for a while, or its computer was suspended",
     "standstill": "the engine stood still or could record nothing for a while: what happened then is recorded late",
     "stop": "everything was stopped for a while",
 }

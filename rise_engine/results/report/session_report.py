@@ -149,7 +149,8 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
     reason = f": {facts.outcome_reason}" if facts.outcome_reason else ""
     attempt = f", attempt {facts.attempt}" if facts.attempt > 1 else ""
     away = f"{length_text(facts.downtime)} in all" if facts.downtime is not None else "an unknown time"
-    downtime = f", recovered {pluralize(facts.recoveries, 'time')} after {away}"
+    gone = f", without a running engine for {away}" if facts.downtime != 0.0 else ""
+    recovered = f", recovered {pluralize(facts.recoveries, 'time')}" if facts.recoveries else ""
     rows = [
         ("Participant", facts.participant),
         ("Reassigned", f"run as {facts.run_as}; study.jsonl says why" if facts.run_as else ""),
@@ -164,7 +165,7 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
         ("Robot", facts.robot),
         ("Scenario", facts.title),
         ("Begun", moment_text(facts.started)),
-        ("Length", length_text(facts.duration) + (downtime if facts.recoveries else "")),
+        ("Length", f"{length_text(facts.duration)}{recovered}{gone}"),
         ("Speed", f"{facts.speed:g} times real time" if facts.speed != 1.0 else ""),
         ("Wizards", ", ".join(dict.fromkeys(source_name(key.source) for key in data.keys))),
         ("Replay", replay),
@@ -342,9 +343,10 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
 
 
 def _outages(data: SessionData) -> str:
-    times, away = pluralize(data.facts.recoveries, "outage"), data.facts.downtime
-    if not data.facts.recoveries:
+    number, away = sum(each.kind == "outage" for each in data.interruptions), data.facts.downtime
+    if not number:
         return "none"
+    times = pluralize(number, "outage")
     return (
         f"{times}, {length_text(away)} in all by the wall clock" if away is not None else f"{times}, of unknown length"
     )
@@ -356,7 +358,7 @@ def _standstills(data: SessionData) -> str:
 
 
 def _told(point: Point) -> str:
-    if point.outage_s is None:
+    if point.outage_s is None or point.kind == "note":
         return point.value
     return f"no engine for {length_text(point.outage_s)}; session time stood still"
 

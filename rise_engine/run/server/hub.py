@@ -18,6 +18,7 @@ from unicodedata import normalize
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Note, OutcomeReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
 from rise_engine.kernel.task_view import TaskView
@@ -38,6 +39,8 @@ STANDSTILL_SECONDS = 5.0
 the robot, and durations are too long."""
 MOST_BEHIND_SECONDS = 2.0
 """While the disk has recorded nothing for longer, nothing starts: people would ask for it again and again."""
+SUSPENDED_SECONDS = 1.0
+"""The same after the computer was suspended for longer. Session time stood still then."""
 CLOCK_JUMP_SECONDS = 1.0
 """A larger step of the computer's clock is noted. Session time is not affected."""
 OLD_SECONDS = 1.0
@@ -93,10 +96,12 @@ class SessionHub:
         """Whether the session is about to end: nobody starts anything any more."""
         self._alive_at: float | None = None
         """When `note_alive` was last called."""
+        self._suspended = 0.0
+        """`suspended_seconds` at that time."""
         self._clock_offset: float | None = None
-        """The computer's clock minus the monotonic one, at that time."""
+        """The computer's clock minus the one that counts suspends, at that time."""
         self._old_until = 0.0
-        """Until then, requests may be from before a standstill of this process."""
+        """Until then, requests may be from before a standstill of this process or of the computer."""
         engine.subscribe(self._apply_record)
         engine.on_journal_status = self._notify_listeners
 
@@ -189,8 +194,8 @@ class SessionHub:
     def note_alive(self) -> None:
         """Note that this process runs. It calls this again and again, so that a standstill shows."""
         self._may_be_old()
-        self._alive_at = monotonic()
-        offset, before = time() - self._alive_at, self._clock_offset
+        self._alive_at, self._suspended = monotonic(), suspended_seconds()
+        offset, before = time() - self._alive_at - self._suspended, self._clock_offset
         self._clock_offset = offset
         if before is not None and abs(offset - before) > CLOCK_JUMP_SECONDS:
             how = f"{'forward' if offset > before else 'back'} by {abs(offset - before):.0f} s"
@@ -198,12 +203,19 @@ class SessionHub:
             self.engine.post(Note(text=told))
 
     def _may_be_old(self) -> bool:
-        """Whether this process has just stood still, so that what comes now may have been asked before."""
-        now = monotonic()
-        if self._alive_at is not None and (stood := now - self._alive_at) > STANDSTILL_SECONDS:
-            self._alive_at, self._old_until = now, now + OLD_SECONDS
+        """Whether this process or the computer has just stood still, so that what comes may have been asked before."""
+        now, suspended = monotonic(), suspended_seconds()
+        if self._alive_at is None:
+            return False
+        stood, slept = now - self._alive_at, suspended - self._suspended
+        if stood > STANDSTILL_SECONDS or slept > SUSPENDED_SECONDS:
+            self._alive_at, self._suspended, self._old_until = now, suspended, now + OLD_SECONDS
+        if stood > STANDSTILL_SECONDS:
             text = f"the engine stood still for {stood:.0f} s: what happened then is recorded late"
             self.engine.post(Note(text=text, stood=round(stood, 3)))
+        if slept > SUSPENDED_SECONDS:
+            text = f"the computer was suspended for {slept:.0f} s: session time stood still"
+            self.engine.post(Note(text=text, stood=round(slept, 3), suspended=True))
         return now < self._old_until
 
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:

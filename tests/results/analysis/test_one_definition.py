@@ -14,6 +14,7 @@ import pytest
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.results.analysis.judged_cues import judge_session
 from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.spans import spans_of
@@ -182,6 +183,26 @@ def test_an_answer_across_a_standstill_is_in_no_median(tmp_path: Path) -> None:
     report = " ".join(" ".join(text_lines(session_report(data))).split())
     assert "1 answer across a standstill of the engine" in report
     assert "Standstills of the engine 1 standstill, 6 s in all" in report
+
+
+def test_an_answer_across_a_suspend_of_the_computer_is_in_no_median(tmp_path: Path) -> None:
+    """A cue at 20 s; at 21 s the lid is closed for ten minutes. Session time stands still, so only the note tells."""
+    script = [
+        act("Greet", 1.0),
+        (20.0, task("markCue", pressed=20.0)),
+        (21.0, Note(text="the computer was suspended for 600 s", stood=600.0, suspended=True)),
+        act("Thanks", 22.0),
+    ]
+    data = read_session(play_session(tmp_path / "sessions", script=script, until=40.0))
+    late = data.acts[-1]
+    assert (late.response_interrupted, late.response_outage_s) == ("outage", 600.0)
+    assert [(each.kind, each.at, each.until) for each in data.interruptions] == [("outage", 21.0, 21.0)]
+    assert data.facts.downtime == 600.0 and session_row(data).figures.latency.response.values == ()
+    assert {at - record.t for at, record in records_by_wall_clock(data)} == {0.0, 600.0}
+    (note,) = (point for point in data.points if point.kind == "note")
+    assert (note.value, note.outage_s) == ("the computer was suspended for 600 s", 600.0)
+    report = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "Outages of the engine 1 outage, 10 min 00 s in all by the wall clock" in report
 
 
 @pytest.mark.parametrize(

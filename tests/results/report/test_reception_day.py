@@ -181,7 +181,7 @@ def test_what_happened_to_whom(study: Path, told: str) -> None:
     assert "Began a session 8 (1 of them has withdrawn since)" in told
     assert "P06" not in told, "who has withdrawn is in no sentence"
     assert "run 1, attempt 1 aborted the robot stood still" in told
-    assert "recovered 1 time, 20.00 s without engine" in told
+    assert "recovered 1 time, 20.00 s without a running engine" in told
     assert f"A debriefing is recorded after 0 of {len(finished)} (0 %) complete sessions." in told
     assert "Not measured because the engine was away: P05, trial 2." in told
 

@@ -279,7 +279,7 @@ def test_torn_damaged_and_recovered_sessions(tmp_path):
     assert "torn" in assert_harmless(page_text(torn.document)).text
     recovered = make_session_report(recovered_session(tmp_path / "recovered"))
     told = assert_harmless(page_text(recovered.document)).text.replace("\u00a0", " ")
-    assert "recovered 1 time after 1 min 35 s in all" in told
+    assert "recovered 1 time, without a running engine for 1 min 35 s in all" in told
     assert "Outages of the engine 1 outage, 1 min 35 s in all by the wall clock" in " ".join(told.split())
     assert told.count("no engine for 1 min 35 s; session time stood still") == 2  # under When, and in order
     assert told.count("and 1 min 35 s without an engine") >= 4  # two states, an answer, and the course's titles

@@ -213,6 +213,22 @@ def test_nothing_starts_while_the_disk_is_behind() -> None:
         assert played.does(deed) == "", deed
 
 
+def test_after_a_suspend_of_the_computer_nothing_starts_that_was_asked_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The monotonic clock stands still then, and the time of day fits afterwards."""
+    suspended = [50.0]
+    monkeypatch.setattr("rise_engine.run.server.hub.suspended_seconds", lambda: suspended[0])
+    monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: 100.0)
+    monkeypatch.setattr("rise_engine.run.server.hub.time", lambda: 1000.0 + suspended[0])
+    played = HubSession()
+    assert played.does("wa attaches") == ""
+    played.hub.note_alive()
+    suspended[0] += 3600
+    assert "ask again" in played.does("wa acts")
+    played.hub.note_alive()
+    told = [(note.text, note.stood, note.suspended) for note in played.records if isinstance(note, NoteRecord)]
+    assert told == [("the computer was suspended for 3600 s: session time stood still", 3600.0, True)]
+
+
 def test_a_step_of_the_computers_clock_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0, 5000.0]
     monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: now[0])

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.records import ControlRecord, KeptRecord
 from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, InputController
 from rise_tui.model.control import InputMode
@@ -111,14 +112,21 @@ def test_one_press_fires_once_and_soon() -> None:
     assert keys.fired == ["A"]
 
 
+@pytest.mark.parametrize("suspended", [True, False])
 @pytest.mark.parametrize("first", ["key", "tick"])
-def test_a_key_that_waited_while_the_console_stood_still_starts_nothing(first: str) -> None:
+def test_a_key_that_waited_while_the_console_stood_still_starts_nothing(
+    monkeypatch: pytest.MonkeyPatch, first: str, suspended: bool
+) -> None:
     """Nobody wants now what was wanted then; and the stop key goes on."""
     keys = Keyboard()
     keys.input.note_alive()
     keys.wait(1.0)
     keys.input.note_alive()
-    keys.wait(12.0)
+    if suspended:
+        before = suspended_seconds()
+        monkeypatch.setattr("rise_tui.console.input.suspended_seconds", lambda: before + 12)
+    else:
+        keys.wait(12.0)
     if first == "tick":
         keys.input.note_alive()
     keys.input.observe_key("a", keys.now)

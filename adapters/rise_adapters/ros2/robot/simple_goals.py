@@ -18,6 +18,7 @@ from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.commands import StartAction
 from rise_engine.ports.robot import Timer
 
@@ -62,6 +63,8 @@ class TopicGoal:
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
         self._sent_at = -inf
+        self._suspended = 0.0
+        """`suspended_seconds` at that time."""
         self._listeners: frozenset[bytes] = frozenset()
         """The programs that listened when it began, if the message is repeated."""
         self._repeat: Timer | None = None
@@ -170,14 +173,14 @@ class TopicGoal:
             return False
         if self._rate:
             clock = self._host.clock
-            self._sent_at = clock.now()
+            self._sent_at, self._suspended = clock.now(), suspended_seconds()
             self._repeat = clock.call_at(self._sent_at + 1 / self._rate, self._send_again)
         return True
 
     def _send_again(self) -> None:
         if self.phase != "running" or self.endpoint.user is not self:
             return
-        silent = self._host.clock.now() - self._sent_at
+        silent = self._host.clock.now() - self._sent_at + suspended_seconds() - self._suspended
         if silent > max(STANDSTILL_SECONDS, STANDSTILL_PERIODS / self._rate):
             # The robot's own watchdog may have stopped it, and somebody may stand before it.
             self._end("aborted", f"standstill: the session was silent for {silent:.1f} s, so the robot does not go on")
