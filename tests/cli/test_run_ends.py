@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import logging
 import os
@@ -25,10 +26,12 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Stop
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.task_file import TimedTask
 from tests.cli.processes import ENGINE, FAST, Live, engine, records
 from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 from tests.run.engine.samples import GREETING, assert_one_ending_each, scenario, start
+from tests.virtual_time import VirtualLoop
 
 pytestmark = pytest.mark.slow
 
@@ -154,6 +157,33 @@ class _Robot:
 
     def close(self) -> None:
         pass
+
+
+def test_after_a_standstill_no_line_is_done_that_was_due_before(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl+z for a minute; then the acts of that minute would begin one after another. A stop is never too late."""
+    functions = [(1.0, "startCommunicationRobotAct"), (2.0, "stopAll"), (62.0, "startCommunicationRobotAct")]
+    script = tuple(TimedTask(at, Submit(function=what, behavior="Greet"), "plan", 1) for at, what in functions)
+
+    async def run() -> int:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, VirtualLoop)
+        loop.call_later(0.7, loop.advance, 60.0)
+        return await headless_session._run_connected(options((), 1.0, script=script, json=True), None)
+
+    monkeypatch.setattr(headless_session, "make_robot", lambda *arguments: _Robot())
+    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        assert runner.run(run()) == 0
+    done = records(capfd.readouterr().out)
+    assert [r["text"] for r in done if r["kind"] == "note" and r["source"] == "engine"][-2:] == [
+        "the engine stood still for 60 s: what happened then is recorded late",
+        "plan:1: startCommunicationRobotAct Greet was not done: it was due 60 s ago",
+    ]
+    assert {(r["function"], r["t"] > 61) for r in done if r["kind"] == "task"} == {
+        ("stopAll", False),
+        ("startCommunicationRobotAct", True),
+    }
 
 
 @pytest.mark.parametrize("as_json", [True, False])

@@ -26,11 +26,11 @@ from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goal
 from rise_engine.ports.bridge import Bridge
 from rise_engine.run.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.run.engine.drivers import make_robot, open_bridge, simulated_robot_warning
-from rise_engine.run.engine.engine import Engine
+from rise_engine.run.engine.engine import MOST_LATE_SECONDS, Engine
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, start_remarks
 from rise_engine.run.protocol.task_file import TaskFileReader, TimedTask, warning_for_task
-from rise_engine.run.server.hub import SessionHub
+from rise_engine.run.server.hub import ALIVE_SECONDS, ALLOWED_WITHOUT_CONTROL, MAY_BE_OLD, STOPPING, SessionHub
 from rise_engine.scenario.model import Scenario
 
 LIVELOCK = 20_000
@@ -101,6 +101,8 @@ class _HeadlessSession:
         self._due: dict[float, list[TimedTask]] = {}
         """Tasks that are still to be submitted, by their time."""
         self.streaming = options.stream
+        self.may_be_old: Callable[[], bool] = lambda: False
+        """Whether this process has just stood still."""
         self._unsuccessful = False
         self._output_failure_reported = False
 
@@ -124,10 +126,10 @@ class _HeadlessSession:
     def add_task(self, task: TimedTask) -> None:
         """Add a task that came while the session runs; submit it immediately if its time is over."""
         self._print_warning(task)
-        if task.at <= self.engine.clock.now():
-            self._submit(task)
-        else:
+        if task.at > self.engine.clock.now():
             self._schedule(task)
+        else:
+            self._submit(task, MAY_BE_OLD if self.may_be_old() else "")
 
     def _print_warning(self, task: TimedTask) -> None:
         warning = warning_for_task(task, self.options.scenario)
@@ -188,13 +190,24 @@ class _HeadlessSession:
         tasks.append(task)
 
     def _submit_due(self, at: float) -> None:
+        late = (self.engine.clock.now() - at) / self.engine.clock.speed
+        # Without a standstill, a session that is to run a thousand times as fast is only slower than that.
+        is_too_late = late > MOST_LATE_SECONDS and self.may_be_old()
+        why_not = f"it was due {late:.0f} s ago" if is_too_late else ""
         for task in self._due.pop(at):
-            self._submit(task)
+            self._submit(task, why_not)
 
-    def _submit(self, task: TimedTask) -> None:
+    def _submit(self, task: TimedTask, why_not: str = "") -> None:
+        """Submit a task. `why_not`: it is too late, unless it only stops something."""
         self.submitted += 1
-        if not self.engine.ended:
+        if self.engine.ended:
+            return
+        if not why_not or task.task.function in STOPPING | ALLOWED_WITHOUT_CONTROL:
             self.engine.post(task.task)
+            return
+        self._unsuccessful = True
+        what = f"{task.file}:{task.line}: {task.task.function} {task.task.behavior}".strip()
+        self.engine.post(Note(text=f"{what} was not done: {why_not}"))
 
     def _note_failed_task(self, record: AnyRecord) -> None:
         if isinstance(record, TaskRecord) and record.status in ("REJECTED", "ABORTED"):
@@ -289,8 +302,10 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     output = ThreadedOutput(json=options.json)
     session = _HeadlessSession(options, RealClock(loop, options.session.speed), output, bridge)
     engine = session.engine
+    hub = SessionHub(engine)
+    session.may_be_old = hub.may_be_old
     if bridge is not None:
-        bridge.join(SessionHub(engine))
+        bridge.join(hub)
     ended = asyncio.Event()
     engine.on_ended(ended.set)
     engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
@@ -318,6 +333,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
         # Python runs `on_signal` only when the loop does something. This handler makes each signal wake the loop, even
         # one that comes just before it begins to wait.
         loop.add_signal_handler(each, lambda: None)
+    watching = loop.create_task(_note_alive(hub))
     with _signals_to(on_signal):
         try:
             with _tolerate_engine_failure(engine):
@@ -327,8 +343,16 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
                 session.end_if_idle()
                 await ended.wait()
         finally:
+            watching.cancel()
             output.close(hurried=lambda: bool(interrupts))
     return session.status_at_end()
+
+
+async def _note_alive(hub: SessionHub) -> None:
+    """Watch for standstills, until it is cancelled."""
+    while True:
+        hub.note_alive()
+        await asyncio.sleep(ALIVE_SECONDS)
 
 
 def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _HeadlessSession) -> None:

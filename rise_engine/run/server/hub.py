@@ -45,6 +45,9 @@ CLOCK_JUMP_SECONDS = 1.0
 """A larger step of the computer's clock is noted. Session time is not affected."""
 OLD_SECONDS = 1.0
 """For this long after a standstill, requests may be from before it."""
+ALIVE_SECONDS = 0.5
+"""Interval between two calls of `SessionHub.note_alive`."""
+MAY_BE_OLD = "the engine stood still, and this may have been asked before"
 
 
 class AttachedClient(Struct, frozen=True, eq=False):
@@ -193,7 +196,7 @@ class SessionHub:
 
     def note_alive(self) -> None:
         """Note that this process runs. It calls this again and again, so that a standstill shows."""
-        self._may_be_old()
+        self.may_be_old()
         self._alive_at, self._suspended = monotonic(), suspended_seconds()
         offset, before = time() - self._alive_at - self._suspended, self._clock_offset
         self._clock_offset = offset
@@ -202,7 +205,7 @@ class SessionHub:
             told = f"the clock of this computer was set {how}: times of day do not fit from here on"
             self.engine.post(Note(text=told))
 
-    def _may_be_old(self) -> bool:
+    def may_be_old(self) -> bool:
         """Whether this process or the computer has just stood still, so that what comes may have been asked before."""
         now, suspended = monotonic(), suspended_seconds()
         if self._alive_at is None:
@@ -289,8 +292,8 @@ class SessionHub:
             return "" if reports else "an observer reports nothing; attach as a wizard or a program"
         if message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
-        if message.function not in STOPPING and self._may_be_old():
-            return "the engine stood still, and this may have been asked before: ask again"
+        if message.function not in STOPPING and self.may_be_old():
+            return f"{MAY_BE_OLD}: ask again"
         if message.function not in STOPPING and (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
             return f"the disk has not recorded anything for {behind:.0f} s: ask again when it does"
         if self.ending:
