@@ -197,7 +197,7 @@ class CleanStream:
         try:
             with _output_errors():
                 yield
-        except Refused:
+        except (Refused, BrokenPipeError):
             if not self._may_fail:
                 raise
             discard_rest(self._stream)

@@ -318,16 +318,17 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     interrupts: list[int] = []
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        is_real = options.scenario.mode == "real"
-        if len(interrupts) > is_real:
-            sys.exit(exit_status.STILL_RUNNING if is_real else exit_status.INTERRUPTED)
         interrupts.append(number)
-        if len(interrupts) > 1:
+        if len(interrupts) == 1:
+            loop.call_soon_threadsafe(session.interrupt)
+        # At a logout, SIGTERM and several SIGHUPs come within milliseconds: only somebody who insists leaves a robot.
+        elif number == signal.SIGINT and (pressed := interrupts.count(signal.SIGINT)) > 1:
+            is_real = options.scenario.mode == "real"
+            if pressed > 1 + is_real:
+                sys.exit(exit_status.STILL_RUNNING if is_real else exit_status.INTERRUPTED)
             print_notes(
                 "the robot is being stopped; press ctrl+c again to leave at once, although it may still be moving"
             )
-        else:
-            loop.call_soon_threadsafe(session.interrupt)
 
     for each in _ending_signals():
         # Python runs `on_signal` only when the loop does something. This handler makes each signal wake the loop, even
