@@ -143,6 +143,17 @@ def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:
         process.stderr.close()
 
 
+def test_a_reader_that_goes_away_hides_no_robot_that_still_moves(study: Path) -> None:
+    what = ("--act", "Greet", "--rule", "Clock", "--until", "40000", "--speed", "20", "--json")
+    process = Forked("run", study, *what, "--fault", "Speech=hang")
+    assert process.stdout is not None and process.stderr is not None
+    next(line for line in process.stdout if '"accepted"' in line)
+    process.stdout.close()
+    with process.stderr:
+        assert process.wait(PATIENCE) == 6
+        assert "the session has ended" in process.stderr.read()
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize("speed", ["max", "1"])
 def test_a_full_disk_ends_the_session(study: Path, speed: str) -> None:

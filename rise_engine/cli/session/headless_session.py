@@ -176,7 +176,7 @@ class _HeadlessSession:
         if self.output.failure is not None:
             self.end_if_output_failed()
             return exit_status.FAILED
-        if self.engine.open_goals and self.status in (exit_status.OK, exit_status.INTERRUPTED):
+        if self.engine.open_goals:
             return exit_status.STILL_RUNNING
         if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
             return exit_status.TASK_FAILED
