@@ -41,8 +41,6 @@ from rise_tui.screens.outcome import end_session_dialog
 from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.settings import SettingsScreen
 
-END_PATIENCE = 13.0
-"""Seconds that the engine may take before the console leaves without it: 6 s for the robot, 5 s for the disk."""
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
 """Keys that count even among others that came in one piece."""
 DETACH_PATIENCE = 2.0
@@ -302,8 +300,9 @@ class ConsoleApp(TerminalApp):
     async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
         """Detach, or end the session. `late`: the engine did not confirm in time. `refused`: this console may not end
         it."""
+        patience = exit_dialogs.end_patience(session.store) if end else DETACH_PATIENCE
         try:
-            await asyncio.wait_for(session.close(end_session=end), END_PATIENCE if end else DETACH_PATIENCE)
+            await asyncio.wait_for(session.close(end_session=end), patience)
         except EngineGone:
             return "done"
         except TimeoutError:
@@ -445,12 +444,13 @@ class ConsoleApp(TerminalApp):
             return
         self._is_leaving = True
         if self._session is not None:
+            patience = exit_dialogs.end_patience(self._session.store)
             closed = await self._leave_session(self._session, end=end)
             if closed == "refused":
                 self._is_leaving = False
                 return
             self.exit_message = exit_dialogs.exit_message(
-                self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
+                self._session.store, end=end, in_time=closed == "done", patience=patience, signal_name=signal_name
             )
             if end and self._session.store.end_unrecorded:
                 code = NOT_WRITTEN

@@ -57,6 +57,18 @@ def leave_shadow_dialog(store: Store) -> Dialog:
     return Dialog("Leave the shadow?", lines, DialogChoice("l", "Leave"), no="Stay", default="l")
 
 
+END_PATIENCE = 13.0
+"""Seconds that the engine may take before the console leaves without it: 6 s for the robot, 5 s for the disk."""
+RECORDERS_PATIENCE = 19.0
+"""... and so many more if recorders have to complete their files before."""
+
+
+def end_patience(store: Store) -> float:
+    """Return the seconds that the session may take to end."""
+    is_recorded = any(each.status not in ("stopped", "failed") for each in store.view.recordings.values())
+    return END_PATIENCE + RECORDERS_PATIENCE * is_recorded
+
+
 def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
     """What became of the session, in one line, and how to read what happened in it.
 

@@ -78,6 +78,8 @@ class _SessionProcess:
         self.report = report
         self.ending = False
         self.unrecorded = False
+        self.signals = 0
+        """How many have asked it to end."""
 
     async def run(self) -> int:
         # Before a session is made: a driver may be missing, or refuse an option.
@@ -254,7 +256,8 @@ class _SessionProcess:
         return record.status if record is not None else None
 
     def _end_by_signal(self, reason: str) -> None:
-        if self.ending:  # the second one: end immediately
+        self.signals += 1
+        if self.signals > 1:  # end immediately
             self.companions.hurry()
         self.end(reason)
 

@@ -13,6 +13,7 @@ from rise_engine.kernel.inputs import RecordingReport
 from rise_engine.kernel.records import RecordingStatus
 from rise_engine.run.recording.companion import CompanionRequest, companions_for, decode_request, encode_request
 from rise_engine.run.server.companions import Companions
+from rise_engine.run.server.process import _SessionProcess
 from rise_engine.study.model import MarkerSettings, RecorderSettings, RecordingSettings, SyncSettings
 from tests.patience import PATIENCE
 
@@ -222,3 +223,23 @@ async def test_what_a_dead_one_has_left_running_is_asked_to_end(tmp_path: Path) 
         while not done.exists():  # noqa: ASYNC110  # another process, or the session
             await asyncio.sleep(0.02)
     assert reports.told[0][2] == "SIGKILL ended its process"
+
+
+@pytest.mark.parametrize("a_console_asked", [True, False])
+def test_only_a_second_signal_does_not_wait_for_recorders(a_console_asked: bool) -> None:
+    class Told(Companions):
+        hurried = 0
+
+        def hurry(self) -> None:
+            self.hurried += 1
+
+    class Process(_SessionProcess):
+        def end(self, reason: str) -> None:
+            self.ending = True
+
+    process = Process.__new__(Process)
+    process.ending, process.signals = a_console_asked, 0
+    process.companions = companions = Told([], lambda report: None, lambda name: None)
+    for hurried in (0, 1):
+        process._end_by_signal("ended by SIGTERM")
+        assert companions.hurried == hurried

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -13,13 +13,12 @@ from msgspec.structs import replace
 from textual.widgets import Button, Static
 
 from rise_engine.base.exit_status import NOT_WRITTEN, STILL_RUNNING
-from rise_engine.kernel.records import OpenGoal, RobotRecord, SessionRecord
+from rise_engine.kernel.records import OpenGoal, RecordingRecord, RecordingStatus, RobotRecord, SessionRecord
 from rise_engine.run.protocol.client import AttachReply, EngineGone, UnrecordedStop
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.console.app import END_PATIENCE
-from rise_tui.console.exit_dialogs import END_KEY, exit_message
+from rise_tui.console.exit_dialogs import END_KEY, END_PATIENCE, end_patience, exit_message
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
@@ -269,6 +268,14 @@ async def test_a_session_whose_end_could_not_be_recorded_is_not_said_to_have_end
 
 def a_store(client: FakeClient) -> Store:
     return Store(client.attach_reply(), "anna", client.now)
+
+
+@pytest.mark.parametrize(("statuses", "seconds"), [((), 13), (("running",), 32), (("running", "stopped"), 13)])
+def test_recorders_have_the_time_to_complete_their_files(statuses: Sequence[RecordingStatus], seconds: int) -> None:
+    client = FakeClient(demo())
+    for status in statuses:
+        client.emit(RecordingRecord(0, 0.0, "", "camera", status, "", None, "", "engine"))
+    assert end_patience(a_store(client)) == seconds
 
 
 @pytest.mark.parametrize(
