@@ -111,11 +111,16 @@ class ActRunner:
         if run.starting:
             return
         run.starting = True
-        while run.ready and run.cancel_reason is None and run.failure is None:
+        while run.ready and run.cancel_reason is None and run.failure is None and not self._core.waits_for_wizard:
             self._start_action(run, run.ready.pop(0))
         run.starting = False
         if all(action.state == "ended" for action in run.actions.values()):
             self._finish(run)
+
+    def go_on(self) -> None:
+        """Start the actions that have waited for a wizard."""
+        for run in list(self.runs.values()):
+            self._advance(run)
 
     def _start_action(self, run: ActRun, id: str) -> None:
         core = self._core
@@ -222,10 +227,15 @@ class ActRunner:
         self.lose_running(reason)
 
     def lose_running(self, reason: str) -> None:
-        """End the actions on the robot as lost. Whatever waits for these acts continues."""
+        """End the actions on the robot as lost. Whatever waits for these acts continues.
+
+        Each is cancelled, because its order may not have gone out yet.
+        """
         for run in list(self.runs.values()):
             for id, state in run.actions.items():
                 if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:
+                    if state.state == "running" and not self.restarted:
+                        self._core.commands.append(CancelAction(f"{run.task.id}/{id}"))
                     self._end_action(run, id, "lost", reason)
             self._advance(run)
 

@@ -131,6 +131,8 @@ class Core:
         """When the key was pressed that led to this step."""
         self.open_goals: tuple[OpenGoal, ...] = ()
         """What the robot may still be doing for actions that have ended."""
+        self.waits_for_wizard = False
+        """Whether no act and no action begins: the session was recovered, and no wizard has had control since."""
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
         """Keys of the memory that nothing can change. They exist from the start, and are in no snapshot."""

@@ -146,6 +146,8 @@ class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True
     reason: str = ""
     downtime: float | None = None
     """Seconds by the wall clock since the last known line of the earlier engine; null: unknown."""
+    waits_for_wizard: bool = False
+    """No act and no action begins until a wizard has control."""
 
 
 ControlStatus: TypeAlias = Literal["taken", "asked", "given", "released"]

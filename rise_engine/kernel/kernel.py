@@ -221,6 +221,7 @@ class Kernel:
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
             open_goals=core.open_goals,
+            waits_for_wizard=core.waits_for_wizard,
             begun=self.begun,
         ).copy()
 
@@ -264,6 +265,7 @@ class Kernel:
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
         core.open_goals = snapshot.open_goals
+        core.waits_for_wizard = snapshot.waits_for_wizard
         self.begun = snapshot.begun
 
     # --- a changed scenario ---
@@ -317,6 +319,8 @@ class Kernel:
                 core.record_note(input.text, input.source, stood, suspended=stood is not None and input.suspended)
             case ControlChanged():
                 core.emit(ControlRecord, input.status, input.by, input.holder)
+                if input.holder is not None:
+                    self.scheduler.let_go()
             case SessionStarted():
                 self._begin_session(input)
             case ScenarioChanged():
@@ -351,7 +355,7 @@ class Kernel:
         """Start a filler that is due, because nothing has answered the cue, unless something else is running."""
         self.wizard_marks.state.filler_timer = None
         name = self.wizard_marks.next_filler()
-        if name is not None and not self.is_busy and not self.stop.latched:
+        if name is not None and not (self.is_busy or self.stop.latched or self.core.waits_for_wizard):
             self._handlers.start_filler(name, "engine")
 
     def _begin_session(self, input: SessionStarted) -> None:
@@ -370,6 +374,7 @@ class Kernel:
 
     def _resume_session(self, input: SessionRecovered) -> None:
         """Continue rules and timers, and keep the latch. Nothing that the robot was doing is repeated automatically."""
+        self.core.waits_for_wizard |= input.waits_for_wizard
         self._record_session("recovered", input.versions, input.reason, input.downtime)
         runner = self.scheduler.runner
         runner.restarted = True
@@ -400,6 +405,7 @@ class Kernel:
             **identity_of(begun),
             language=scenario.language,
             downtime=downtime,
+            waits_for_wizard=status == "recovered" and self.core.waits_for_wizard,
             open=open,
             driver=begun.driver,
             injected_faults=begun.injected_faults,

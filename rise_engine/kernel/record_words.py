@@ -337,7 +337,8 @@ def _session_words(record: SessionRecord, sources: bool) -> RecordWords:
         [f"{record.scenario}, mode {record.mode}, robot {record.robot}, seed {record.seed}"] if record.scenario else []
     )
     who = (record.participant, record.condition) if sources else ()
-    told = ", ".join(filter(None, (*about, *who, record.reason)))
+    waits = "nothing begins on the robot until a wizard takes control" if record.waits_for_wizard else ""
+    told = ", ".join(filter(None, (*about, *who, record.reason, waits)))
     return RecordWords("session", f"{record.status}{away}", told, ": ")
 
 

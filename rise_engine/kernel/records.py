@@ -129,6 +129,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     """The language in which the robot speaks, as a BCP 47 tag; empty: the scenario does not name it."""
     downtime: float | None = None
     """recovered: seconds by the wall clock since the last sign of life of the earlier engine; null: unknown."""
+    waits_for_wizard: bool = False
+    """recovered: no act and no action begins until a wizard has control."""
     open: tuple[OpenGoal, ...] = ()
     """ended: what the robot may still be doing."""
     driver: str = ""

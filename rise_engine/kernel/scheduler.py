@@ -106,7 +106,16 @@ class Scheduler:
             self._start_what_may()
         self._advancing = False
 
+    def let_go(self) -> None:
+        """Begin what has waited for a wizard: first the next actions of acts that run."""
+        if self._core.waits_for_wizard:
+            self._core.waits_for_wizard = False
+            self.runner.go_on()
+            self.advance()
+
     def _start_what_may(self) -> None:
+        if self._core.waits_for_wizard:
+            return
         under_way = (*(run.task for run in self.runner.runs.values()), *self._failures.pausing)
         holder = next((task for task in under_way if _is_exclusive(task)), None)
         if holder is None:

@@ -81,6 +81,7 @@ class Snapshot(Struct, frozen=True):
     failures: FailuresState
     open_cue_at: float | None
     open_goals: tuple[OpenGoal, ...]
+    waits_for_wizard: bool
     begun: SessionStarted
 
     def copy(self) -> Snapshot:

@@ -216,6 +216,8 @@ class SessionView(Struct):
     """The name of the wizard who held control last, even if that console has gone."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
+    waits_for_wizard: bool = False
+    """Whether nothing begins because the session was recovered: what waits begins when a wizard has taken control."""
     robot: RobotRecord | None = None
     stop: StopView = field(default_factory=StopView)
     cue: CueView | None = None
@@ -328,6 +330,8 @@ class SessionView(Struct):
         )
 
     def _apply_control(self, record: ControlRecord) -> None:
+        if record.holder is not None:
+            self.waits_for_wizard = False
         if record.status == "asked":
             self.asked = record.by
             return
@@ -341,7 +345,7 @@ class SessionView(Struct):
             self.left_open = record.open
             self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
         else:
-            self.session = record
+            self.session, self.waits_for_wizard = record, record.waits_for_wizard
 
     def _apply_report(self, record: ReportRecord) -> None:
         match record:

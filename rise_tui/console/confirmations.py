@@ -15,7 +15,7 @@ from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
 from rise_tui.model.key_action import KeyAction
-from rise_tui.model.notice import Level
+from rise_tui.model.notice import Level, act_label
 from rise_tui.model.resumption import InterruptedRule, entry_lines, find_back_step, interrupted_rules, question_lines
 from rise_tui.model.store import Store
 from rise_tui.screens.choices import ReleaseDialog, StepBackDialog
@@ -145,7 +145,9 @@ class Confirmations:
         """Ask what should happen to control, depending on who has it and who asks for it."""
         console = self._console
         store = console.store
-        lines, choices = control_question(store.view.control, store.view.asked, store.own_name, key_name)
+        waiting = [act_label(task.function, task.behavior) for task in store.waiting_tasks]
+        begins = waiting if store.view.waits_for_wizard else None
+        lines, choices = control_question(store.view.control, store.view.asked, store.own_name, key_name, begins)
         self._control_shown = self._holder_and_asker()
         verbs: dict[str, ControlVerb] = {choice.key: choice.verb for choice in choices}
         dialog = Dialog(

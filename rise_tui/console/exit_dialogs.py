@@ -16,7 +16,8 @@ from rise_tui.screens.dialog import Dialog, DialogChoice
 RECOVERY_LINES = (
     "the engine starts again, and the session goes on.",
     "What the robot was doing counts as lost:",
-    "nothing is repeated automatically.",
+    "nothing is repeated automatically. A real robot",
+    "begins nothing before somebody takes control.",
 )
 
 

@@ -108,15 +108,21 @@ class ConsoleSession:
         self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 
     async def _reclaim_control(self) -> None:
-        """Take back the control that was lost with the connection, once the engine has noticed the cut."""
+        """Take back the control that was lost with the connection, once the engine has noticed the cut.
+
+        Not in a recovered session, where that would let acts begin.
+        """
+        store = self.store
         for _ in range(MOST_RECLAIMS):
-            if not self.store.reclaims_control or self.store.cut_since is not None or self.store.has_control:
+            if not store.reclaims_control or store.cut_since is not None or store.has_control:
                 break
-            if self.store.view.control is None:
+            if store.view.waits_for_wizard:
+                break
+            if store.view.control is None:
                 await self.change_control("take")
                 break
             await asyncio.sleep(RECLAIM_SECONDS)
-        self.store.reclaims_control = False
+        store.reclaims_control = False
 
     async def submit(
         self, function: str, behavior: str = "", calling_type: str = "", pressed: float | None = None

@@ -208,7 +208,8 @@ def ask_about_unfinished(
         "",
         "Recover  the engine starts again, and the session goes on.",
         "         What the robot was doing counts as lost;",
-        "         nothing is repeated automatically.",
+        "         nothing is repeated automatically. A real robot",
+        "         begins nothing before you take control.",
         "Give up  you record the outcome. If it is aborted, the",
         "         participant may run it again, as a new attempt.",
     ]

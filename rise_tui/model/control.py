@@ -6,7 +6,7 @@ the caller passes in a function that names keys.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 from msgspec import Struct
@@ -26,6 +26,10 @@ anything that makes the robot or a rule act.
 
 KeyNames: TypeAlias = Callable[[str], str]
 """From the id of a console action to its key in a sentence: `ctrl+x`, `F9`."""
+
+
+MOST_NAMED = 5
+"""How many waiting acts the question about control names."""
 
 
 class BlockedReason(Struct, frozen=True):
@@ -174,13 +178,19 @@ def control_lost_text(taken: ControlLost, key: str) -> str:
 
 
 def control_question(
-    holder: str | None, asker: str | None, own_name: str, key_name: KeyNames
+    holder: str | None, asker: str | None, own_name: str, key_name: KeyNames, begins: Sequence[str] | None = None
 ) -> tuple[list[str], list[ControlChoice]]:
-    """The dialog about control: its lines and its choices."""
+    """The dialog about control: its lines and its choices. `begins`: the acts that wait in a recovered session."""
     is_own = holder == own_name
     release = ControlChoice("release", "r", "Release it")
     if not is_own and holder is None:
-        return ["Nobody has control. Every console can still stop the robot."], [ControlChoice("take", "t", "Take it")]
+        lines = ["Nobody has control. Every console can still stop the robot."]
+        if begins is not None:
+            lines += ["The session was recovered. When you take control, it goes on", "with everything that waits:"]
+            lines += [f"  {name}" for name in begins[:MOST_NAMED]] or ["  nothing at the moment"]
+            lines += [f"  and {len(begins) - MOST_NAMED} more"] if len(begins) > MOST_NAMED else []
+            lines += [f"If the robot should do nothing of that, stop everything first ({key_name('stop')})."]
+        return lines, [ControlChoice("take", "t", "Take it")]
     if not is_own and asker == own_name:
         lines = [f"{short_name(holder)} has control and knows that you ask for it."]
         return lines, [ControlChoice("release", "r", "Stop asking"), ControlChoice("take", "t", "Take it")]

@@ -108,7 +108,7 @@ def _steps_after_acts(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
     seconds_left = _seconds_left(store)
     if (ending := _transition_at_end(store, stack)) is not None:
         yield _rule_step(store, *ending, "end", seconds_left)
-    if waiting := store.waiting_tasks:
+    if (waiting := store.waiting_tasks) and not store.view.waits_for_wizard:
         names = tuple(act_label(task.function, task.behavior) for task in waiting)
         yield UpcomingStep("turn", seconds_left, starts=names)
 

@@ -29,7 +29,8 @@ class SchedulerPane(ListPane):
 
     def subtitle(self) -> StyledLine:
         view = self.store.view
-        return ((f"{len(view.running)} running, {len(view.waiting)} waiting", "muted"),)
+        until = " until somebody takes control" if view.waits_for_wizard else ""
+        return ((f"{len(view.running)} running, {len(view.waiting)} waiting{until}", "muted"),)
 
     def make_rows(self, width: int) -> list[ListRow]:
         running, waiting = self.store.running_tasks, self.store.waiting_tasks
@@ -37,7 +38,8 @@ class SchedulerPane(ListPane):
         rows = [self._row(task, "now", self._time_left_span(task), width) for task in running]
         for index, (task, start) in enumerate(zip(waiting, expected, strict=True)):
             position = "next" if index == 0 else f"{index + 1}."
-            rows.append(self._row(task, position, self._time_until_span(start, index), width))
+            known = None if self.store.view.waits_for_wizard else start
+            rows.append(self._row(task, position, self._time_until_span(known, index), width))
         return rows
 
     def _queued_task(self, task: TaskView) -> QueuedTask:

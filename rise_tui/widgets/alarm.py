@@ -82,6 +82,9 @@ class AttentionBar(StoreLines):
 def _control_line(store: Store) -> StyledLine:
     if store.attach_reply.replay:
         return ()
+    if store.view.waits_for_wizard:
+        said = f" recovered: nothing begins before somebody takes control: {key_text('control')} "
+        return ((said, "call"),)
     if store.control_lost is not None and not store.has_control:
         return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)
     if store.asker is not None:

@@ -206,6 +206,66 @@ def test_a_kernel_from_a_snapshot_is_recovered_the_same(session: Session) -> Non
     assert other.snapshot() == session.kernel.snapshot()
 
 
+WAITS = SessionRecovered(waits_for_wizard=True)
+TAKEN = ControlChanged(status="taken", by="wizard:anna", holder="wizard:anna")
+
+
+@pytest.mark.parametrize("snapshot", [False, True])
+def test_a_session_that_waits_for_a_wizard_begins_nothing_and_no_time_runs_out(
+    session: Session, snapshot: bool
+) -> None:
+    session.rule("Clock")
+    session.act("Talk")  # Clock takes its end
+    session.act("Wait")
+    session.do(WAITS)
+    session.act("Nod", "None")
+    session.lines()
+    session.wait(3600)
+    assert not session.goals and session.lines() == [], "it does not time out, because it has not begun"
+    assert session.kernel.is_busy and [task.behavior for task in session.kernel.scheduler.waiting] == ["Wait", "Nod"]
+    if snapshot:
+        session.kernel = Kernel.restore(session.scenario, session.kernel.snapshot())
+    session.do(SessionRecovered())  # another engine: it still waits
+    session.do(replace(TAKEN, status="released", holder=None))
+    assert not session.goals
+    session.do(TAKEN)
+    assert session.lines("task") == ["task act Wait ACTIVE", "task act Nod ACTIVE"]
+    session.wait(5)
+    assert len(session.goals) == 2
+    session.finish_all()
+    assert_one_ending_each(session)
+
+
+def test_an_act_whose_wait_ends_meanwhile_goes_on_with_control(session: Session) -> None:
+    session.act("Wait")
+    session.do(WAITS)
+    session.wait(60)
+    assert not session.goals and session.kernel.is_busy
+    session.do(TAKEN)
+    assert [*session.goals] == ["1/2"]
+
+
+def test_a_stop_reaches_what_waits_for_a_wizard(session: Session) -> None:
+    session.act("Wait")
+    session.act("Talk")
+    session.do(WAITS)
+    session.lines()
+    session.submit("stopAll")
+    assert "task act Talk CANCELED (stop-all by wizard:w)" in session.lines() and session.robot_stops == 1
+    session.confirm_stop("body")
+    session.submit("releaseStop")  # by a program: a wizard with control would have let it go on
+    session.act("Nod")
+    assert not session.goals
+    session.do(TAKEN)
+    assert session.goals
+
+
+def test_what_is_lost_is_cancelled_so_that_its_order_cannot_go_out_later(session: Session) -> None:
+    session.act("Talk")
+    session.robot("lost")
+    assert session.cancels == ["1/1", "1/2"], "each once"
+
+
 @pytest.mark.parametrize("status", ["taken", "asked", "given", "released"])
 def test_control_is_recorded_and_changes_nothing(session: Session, status: str) -> None:
     session.act("Talk")

@@ -64,7 +64,7 @@ class Acts:
     def begin(self, run: Run) -> None:
         """Begin with what waits for nothing."""
         run.to_begin = [action for action in run.act.actions if not action.wait_for]
-        self._go_on(run)
+        self.go_on(run)
 
     def report(self, input: ActionReport) -> None:
         """What the robot says about an action."""
@@ -78,7 +78,7 @@ class Acts:
                         if input.aborted or (input.status == "canceled" and not wanted):
                             run.ours = False
                         self._end(run, doing, input.status, input.reason)
-                        self._go_on(run)
+                        self.go_on(run)
                     else:
                         self._confirmed(run, doing)
                         self._record(run, doing, "accepted")
@@ -107,8 +107,10 @@ class Acts:
             for action in run.act.actions:
                 doing = run.doing.get(action.id)
                 if doing is not None and not doing.engine:
+                    if doing.action.id not in run.cancelled and not self.session.failures.giving_up:
+                        self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
                     self._end(run, doing, "lost", why)
-            self._go_on(run)
+            self.go_on(run)
         self.session.scheduler.arrange()
 
     def stop(self, run: Run, why: str) -> None:
@@ -116,13 +118,13 @@ class Acts:
         run.status = "CANCELED"
         if run.why == "":
             self._break_off(run, why)
-            self._go_on(run)
+            self.go_on(run)
 
     # --- one action ---
 
-    def _go_on(self, run: Run) -> None:
+    def go_on(self, run: Run) -> None:
         """Begin what may begin; at last the act ends."""
-        while run.to_begin and run.why == "":
+        while run.to_begin and run.why == "" and not self.session.scheduler.waits_for_wizard:
             self._begin_action(run, run.to_begin.pop(0))
         if run in self.session.scheduler.running and not run.doing and len(run.ended) == len(run.act.actions):
             self.session.scheduler.running.remove(run)
@@ -183,7 +185,7 @@ class Acts:
             self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
         reason = "" if status == "succeeded" else "it took too long"
         self._end(run, doing, status, reason)
-        self._go_on(run)
+        self.go_on(run)
         self.session.scheduler.arrange()
 
     def _end(self, run: Run, doing: Doing, status: str, reason: str = "") -> None:

@@ -316,6 +316,8 @@ class Play:
                 self.rarely()
         if self.kernel.stop.latched and random.random() < 0.5:
             self.submit("releaseStop", self.release())
+        if self.kernel.core.waits_for_wizard and random.random() < 0.1:
+            self.do(ControlChanged(status="taken", by="wizard:w", holder="wizard:w"))
 
     def release(self) -> str:
         """What is to become of the rules that a stop has ended; mostly of those that it has."""
@@ -358,7 +360,8 @@ class Play:
                     self.random.choice(["session.cue = true", "session = 1", "pause = '1s'", "pause = 0.2"]),
                 )
             case 4 | 5:
-                self.do(SessionRecovered(reason="gone", downtime=self.random.choice([None, 3.5])))
+                downtime, waits = self.random.choice([None, 3.5]), self.random.random() < 0.4
+                self.do(SessionRecovered(reason="gone", downtime=downtime, waits_for_wizard=waits))
             case 6:
                 self.do(self.random.choice(REPORTS))
             case _:

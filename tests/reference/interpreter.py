@@ -86,6 +86,8 @@ class Interpreter:
                 self._start(input)
             case ControlChanged():
                 session.put("control", status=input.status, by=input.by, holder=input.holder)
+                if input.holder is not None:
+                    session.scheduler.somebody_has_control()
             case Note():
                 session.put("note", text=input.text, source=input.source, stood=None, suspended=False)
             case SessionEnded():
@@ -134,6 +136,7 @@ class Interpreter:
     def _go_on(self, input: SessionRecovered) -> None:
         """Another engine goes on (semantics.md 0.3)."""
         session = self.session
+        session.scheduler.waits_for_wizard |= input.waits_for_wizard
         self._session_record("recovered", input.reason, input.downtime)
         session.failures.giving_up = True
         session.acts.lose("its engine has gone")
@@ -162,6 +165,7 @@ class Interpreter:
             versions={},
             reason=reason,
             downtime=downtime,
+            waits_for_wizard=status == "recovered" and self.session.scheduler.waits_for_wizard,
             open=list(open),
             language=scenario.language,
             **self.told,

@@ -107,7 +107,8 @@ class Marks:
         self.clock = None
         name = self._next()
         busy = self.session.scheduler.running or self.session.failures.in_pause()
-        if name is not None and not busy and not self.session.stop.in_force:
+        held = self.session.stop.in_force or self.session.scheduler.waits_for_wizard
+        if name is not None and not busy and not held:
             self.session.tasks.new(STARTS_ACT, name, source="engine")
 
     # --- mistakes and failures ---

@@ -21,6 +21,8 @@ class Scheduler:
         self.line: list[tuple[Task, Act]] = []
         self.running: list[Run] = []
         self.arranging = False
+        self.waits_for_wizard = False
+        """Whether nothing begins, after a recovery, until a wizard has control."""
 
     # --- what is asked ---
 
@@ -160,6 +162,8 @@ class Scheduler:
     def _look_along_the_line(self) -> None:
         """One Blocking act holds its channels: the one that runs, or else the first in the line, which starts if it
         may. The None acts that need none of them start."""
+        if self.waits_for_wizard:
+            return
         running = self._blocking()
         waiting = [(task, act) for task, act in self.line if task.calling_type != "None"]
         paused = [each for each in self.session.failures.in_pause() if each.task.calling_type != "None"]
@@ -175,6 +179,14 @@ class Scheduler:
         for task, act in list(self.line):
             if task.calling_type == "None" and not act.channels & held:
                 self._start(task, act)
+
+    def somebody_has_control(self) -> None:
+        """What has waited for a wizard begins: first the actions of acts that run, then the line."""
+        if self.waits_for_wizard:
+            self.waits_for_wizard = False
+            for run in list(self.running):
+                self.session.acts.go_on(run)
+            self.arrange()
 
     def _interrupted(self, channels: frozenset[str], name: str) -> bool:
         """Stop what uses these channels; says whether nothing uses them now."""

@@ -40,6 +40,8 @@ def test_the_same_studies_every_time(studies: Iterable[int]) -> None:
         (failures.FailedActs, "robot_back", lambda self: None),
         (scheduler, "_OUTCOMES", {"SUCCEEDED": "succeeded", "ABORTED": "stopped", "CANCELED": "failed"}),
         (act_runner.ActRunner, "_pick_variant", lambda self, run, action: action.calls[0]),
+        (act_runner.ActRunner, "go_on", lambda self: None),
+        (scheduler.Scheduler, "let_go", lambda self: None),
     ],
 )
 def test_a_kernel_that_does_something_else_is_found(

@@ -184,3 +184,18 @@ def test_a28_the_link_is_gone_for_five_seconds() -> None:
     bench.run(12)
     assert bench.task() == "SUCCEEDED"
     bench.check()
+
+
+def test_an_act_that_was_lost_with_the_whole_robot_does_not_begin_when_it_is_back() -> None:
+    bench = Bench([LONG], [LONG], robot=False)
+    head = bench.robot_appears(GAZE, node="/head")
+    bench.run(7)
+    bench.act("Greet")  # waits for the missing part
+    bench.act("Look")  # waits in the line, begins when the other has failed, and is lost at once
+    bench.run(7.5)
+    head.close()
+    bench.run(8.5)
+    bench.robot_appears(GAZE, node="/head")
+    bench.run(11)
+    assert bench.robot_statuses()[-2:] == ["lost", "degraded"] and bench.ending("3/2").startswith("lost")
+    assert bench.gaze.received == []

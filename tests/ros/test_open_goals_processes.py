@@ -146,11 +146,12 @@ async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
     again = await lab.serve("again", "--recover")
     await robot.says('"end"')  # what the first engine left; the second act was waiting for that
     if unattended == "wait":
-        told = "nothing begins on the robot until a wizard takes control"
         await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
-        assert any(each.get("text") == told for each in lab.records()) and robot.said().count('"begin"') == 1
         wizard = SocketClient("study", "anna")
-        await wizard.attach()
+        attached = await wizard.attach()
+        assert attached.view.waits_for_wizard and attached.view.control is None and len(attached.view.waiting) == 1
+        assert robot.said().count('"begin"') == 1
+        assert (await wizard.change_control("take")).accepted
     await until(lambda: robot.said().count('"begin"') == 2, PATIENCE)
     if unattended == "wait":
         await wizard.close()

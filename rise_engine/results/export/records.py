@@ -57,6 +57,7 @@ COLUMNS = (
     *("cause", "via"),  # task
     *("driver", "injected_faults", "speed"),  # session
     *("stood", "suspended"),  # note
+    "waits_for_wizard",  # session
 )
 """The table's columns. All are always there, in this order; new ones may only be added at the end."""
 

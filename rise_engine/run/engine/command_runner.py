@@ -58,8 +58,6 @@ class CommandRunner:
         self._clock = clock
         self._post = post
         self._timers: dict[int, Timer] = {}
-        self._held: list[StartAction] | None = None
-        """Actions that wait until a person is there; None: actions go to the robot at once."""
         self._goal_namespace = uuid5(NAMESPACE_OID, session_id) if session_id else uuid4()
 
     def change_wording(self, scenario: Scenario) -> None:
@@ -105,15 +103,11 @@ class CommandRunner:
                 handle = self._timers.pop(timer, None)
                 if handle is not None:
                     handle.cancel()
-            case StartAction() if self._held is not None:
-                self._held.append(command)
             case StartAction():
                 parameters = self._wording.parameters_for_robot(command.type, command.parameters)
                 goal = self._with_id(command, parameters)
                 if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(goal)):
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
-            case CancelAction(action=action) if held := [each for each in self._held or () if each.action == action]:
-                self._give_up(held)
             case CancelAction(action=action):
                 if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
                     # It continues until it ends or its time is over.
@@ -121,26 +115,9 @@ class CommandRunner:
             case CancelOpenGoals() | ReleaseOpenGoals():
                 self._settle_open_goals(command)
             case StopRobot():
-                self._give_up(self._held or ())
                 if failure := self.stop_robot():
                     self._post(StopReport(unconfirmed=(self._robot_name,)))
                     self._post(Note(text=f"the robot could not be asked to stop: {failure}"))
-
-    def hold(self) -> None:
-        """Keep back every action from now on, until `let_go`."""
-        self._held = self._held or []
-
-    def let_go(self) -> None:
-        """Start what was kept back, and every action from now on."""
-        held, self._held = self._held or (), None
-        for command in held:
-            self.run(command)
-
-    def _give_up(self, held: Iterable[StartAction]) -> None:
-        for each in tuple(held):
-            assert self._held is not None
-            self._held.remove(each)
-            self._post(ActionReport(action=each.action, status="canceled", reason=NOT_BEGUN))
 
     def _settle_open_goals(self, command: CancelOpenGoals | ReleaseOpenGoals) -> None:
         robot = self._robot
@@ -162,7 +139,6 @@ class CommandRunner:
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
-        self._held = None
         self._call_robot("close", lambda: self._robot.close())
 
     def _call_robot(self, what: str, call: Callable[[], None]) -> str:

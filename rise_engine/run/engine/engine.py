@@ -189,10 +189,12 @@ class Engine:
         self.accept(self._session_started)
         self._commands.connect()
 
-    def resume(self) -> None:
+    def resume(self, *, waits_for_wizard: bool = False) -> None:
         """Continue a session whose engine has gone: timers with their remaining time, then the robot.
 
         Call it once, instead of `start`, on an engine made with a `recovered` session; it raises as `start` does.
+
+        :param waits_for_wizard: whether nothing begins on the robot until a wizard has control.
         """
         for timer, at in sorted(self._timers_left.items(), key=lambda item: (item[1], item[0])):
             self._commands.set_timer(timer, at)
@@ -208,15 +210,8 @@ class Engine:
         downtime = None
         if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
             downtime = round(max(0.0, away - lived_on), 3)
-        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
-
-    def hold_actions(self) -> None:
-        """Keep back every action on the robot from now on, until `let_actions_go`. Everything else goes on."""
-        self._commands.hold()
-
-    def let_actions_go(self) -> None:
-        """Start what was kept back, and every action from now on."""
-        self._commands.let_go()
+        why, waits = "its engine had gone", waits_for_wizard
+        self.accept(SessionRecovered(versions=versions(), reason=why, downtime=downtime, waits_for_wizard=waits))
 
     def stop_before_end(self) -> None:
         """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
@@ -283,6 +278,11 @@ class Engine:
     def holding_goals(self) -> tuple[OpenGoal, ...]:
         """What the robot may still be doing for ended actions, and can be asked to stop."""
         return self._kernel.holding_goals
+
+    @property
+    def waits_for_wizard(self) -> bool:
+        """Whether nothing begins because the session was recovered and no wizard has had control since."""
+        return self._kernel.core.waits_for_wizard
 
     @property
     def robot_seen(self) -> float | None:

@@ -23,7 +23,7 @@ program, which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
 """Take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
-while nobody has control gets it."""
+while nobody has control gets it, except in a recovered session that waits for a wizard: taking it lets that go on."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
 """What a client may send. The engine sets the time and the source."""

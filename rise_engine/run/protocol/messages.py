@@ -134,6 +134,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     recordings: dict[str, RecordingRecord] = field(default_factory=dict)
     sync: SyncRecord | None = None
     raised: dict[int, RaisedView] = field(default_factory=dict)
+    waits_for_wizard: bool = False
 
 
 class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):

@@ -119,6 +119,11 @@ class SessionHub:
             self._all_tasks = list(self.view.tasks.values())
         return self._all_tasks
 
+    @property
+    def has_wizard(self) -> bool:
+        """Whether a wizard is attached, with or without control."""
+        return any(client.role == "wizard" for client in self.clients.values())
+
     def subscribe(self, listener: Callable[[Update], object]) -> None:
         """Send every record, and every change of the recording's state, to a listener. It may be called in a step."""
         self._listeners.append(listener)
@@ -127,6 +132,8 @@ class SessionHub:
 
     def attach(self, name: str, role: Role, source: str | None = None) -> AttachedClient:
         """Admit a client. A wizard who attaches while nobody has control gets it.
+
+        Not in a session that waits for a wizard: the robot would begin before anybody has seen with what.
 
         :param name: the client's; a second one of the same name gets a number.
         :param role: what it may do.
@@ -151,7 +158,8 @@ class SessionHub:
             unique = f"{source}#{number}"
         client = self.clients[unique] = AttachedClient(unique, source, role)
         self._names_seen[name] = None
-        if role == "wizard" and self._holder is None and self._has_begun:
+        is_free = self._holder is None and not self.engine.waits_for_wizard
+        if role == "wizard" and is_free and self._has_begun:
             self._set_control("taken", client, client)
         return client
 
@@ -370,7 +378,7 @@ class SessionHub:
         if self._holder is not None:
             return
         wizard = next((client for client in self.clients.values() if client.role == "wizard"), None)
-        if wizard is not None:
+        if wizard is not None and not self.engine.waits_for_wizard:
             self._set_control("taken", wizard, wizard)
         elif self.view.control is not None:
             self.engine.post(ControlChanged(status="released", by=self.view.control, holder=None))

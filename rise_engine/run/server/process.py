@@ -19,8 +19,6 @@ from rise_engine.base import exit_status
 from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import (
-    AnyRecord,
-    ControlRecord,
     RecordingStatus,
     StopRecord,
     describe_open_goals,
@@ -28,7 +26,7 @@ from rise_engine.kernel.records import (
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import RealClock
-from rise_engine.run.engine.drivers import simulated_robot_warning
+from rise_engine.run.engine.drivers import driver_name_for, simulated_robot_warning
 from rise_engine.run.engine.engine import END_SECONDS, Engine, versions
 from rise_engine.run.protocol.client import JournalStatus, Update
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -46,7 +44,7 @@ from rise_engine.session.journal_format import encode_header
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
 LEFTOVER_SECONDS = 5.0
-"""Seconds after a recovery in which a wizard can take control and decide about what the robot is still doing."""
+"""Seconds after a recovery in which a wizard can attach and decide about what the robot is still doing."""
 POLL_SECONDS = 0.5
 """Interval between two checks of the journal, so that a lag shows, and of this process, so that a standstill does."""
 
@@ -180,15 +178,11 @@ class _SessionProcess:
         recovered = self.prepared.recovered
         if recovered is not None:
             options = engine.scenario.robot.options
-            waits = engine.scenario.mode == "real" and options.get("unattended") != "go on"
-            if waits:
-                engine.hold_actions()
-                engine.subscribe(self._look_for_wizard)
-            engine.resume()
+            moves = driver_name_for(engine.scenario.robot, engine.scenario.mode) != "simulated"
+            waits = moves and options.get("unattended") != "go on"
+            engine.resume(waits_for_wizard=waits)
             if (stopper := self._read_unrecorded_stop()) is not None:
                 engine.post(Submit(function="stopAll", source=stopper))
-            if waits:
-                engine.post(Note(text="nothing begins on the robot until a wizard takes control"))
             if self.prepared.study is not None:
                 for report in self.prepared.study.unrecorded_checks(self.prepared.folder, recovered.view):
                     engine.post(report)
@@ -227,15 +221,9 @@ class _SessionProcess:
             return None
         return source if session == self.prepared.folder.name else None
 
-    def _look_for_wizard(self, record: AnyRecord) -> None:
-        """Let the robot begin again when a wizard takes control of the recovered session. Until then, nobody may be
-        looking at it."""
-        if isinstance(record, ControlRecord) and record.holder is not None:
-            self.engine.let_actions_go()
-
     def _cancel_leftovers(self) -> None:
-        """Stop what an earlier engine left running, if nobody has taken control of the recovered session."""
-        if self.hub.view.control is None and self.engine.holding_goals:
+        """Stop what an earlier engine left running, if no wizard is there to decide about it."""
+        if not self.hub.has_wizard and self.engine.holding_goals:
             self.engine.post(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:

@@ -191,23 +191,17 @@ async def test_a_disk_that_hung_is_noted_as_an_interruption(tmp_path: Path, monk
         assert note.text == "recording was interrupted and goes on now: the disk took 6 s" and note.stood >= 6.0
 
 
-@pytest.mark.parametrize("then", ["let go", "stop"])
-async def test_an_engine_can_keep_actions_back_until_somebody_is_there(tmp_path: Path, then: str) -> None:
-    async with session(tmp_path, Disk()) as it:
-        it.engine.hold_actions()
+async def test_what_is_lost_before_it_was_recorded_never_goes_out(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
         it.ask(start("Greet"))
-        await it.until(lambda: it.replies)
+        assert await asyncio.to_thread(disk.waits.wait, 10)
+        it.robot.report(RobotChanged(status="lost"))
+        it.robot.report(RobotChanged(status="connected"))
+        disk.go.set()
+        await it.until(lambda: [record for record in it.of(TaskRecord) if record.status == "ABORTED"])
         assert it.robot.calls == []
-        if then == "let go":
-            it.engine.let_actions_go()
-            it.engine.let_actions_go()
-            assert it.robot.calls == ["start 1/1"]
-            return
-        it.ask(STOP)
-        await it.until(lambda: it.of(TaskRecord)[-1].status == "CANCELED")
-        assert ("canceled", "it had not begun yet") in {(each.status, each.reason) for each in it.of(ActionRecord)}
-        it.engine.let_actions_go()
-        assert it.robot.calls == ["stop"]
 
 
 async def test_nothing_goes_out_while_the_disk_stalls_but_the_loop_goes_on(tmp_path: Path) -> None:

@@ -7,7 +7,15 @@ from unicodedata import normalize
 
 import pytest
 
-from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
+from rise_engine.kernel.inputs import (
+    CheckReport,
+    Note,
+    OutcomeReport,
+    RecordingReport,
+    SessionRecovered,
+    Submit,
+    SyncMark,
+)
 from rise_engine.kernel.records import (
     AnyRecord,
     CheckRecord,
@@ -352,6 +360,21 @@ def test_who_held_control_when_the_engine_died_does_not_hold_it_for_ever() -> No
             played.does("wa attaches")
         played.engine.start()
         assert played.control == control
+
+
+def test_who_attaches_to_a_session_that_waits_for_a_wizard_has_to_take_control() -> None:
+    """Otherwise the robot would begin before anybody has seen with what."""
+    played = HubSession(start=False, view=SessionView(control="wizard:z"))
+    played.does("wa attaches")
+    played.engine.accept(SessionRecovered(waits_for_wizard=True))
+    played.does("wb attaches")
+    assert played.control == [("released", "wizard:z", None)] and played.hub.view.waits_for_wizard
+    assert "no wizard holds it; take it" in played.does("wb acts") and played.does("wb stops") == ""
+    assert played.does("wa takes") == ""
+    assert played.control[1:] == [TAKEN] and not played.hub.view.waits_for_wizard
+    played.does("wa leaves")
+    played.does("wc attaches")
+    assert played.control[-1] == ("taken", C, C), "once it goes on, as ever"
 
 
 def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_later(

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from rise_engine.kernel.records import SessionRecord
 from rise_tui.panes.scheduler import SchedulerPane
 from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.detail import DetailScreen
@@ -91,3 +92,12 @@ async def test_tasks_are_moved_and_cancelled_and_a_move_that_changes_nothing_is_
             await it.press("home", *["down"] * row, key)
             await it.until(lambda said=said: said in it.notice)  # type: ignore[misc]
             assert it.client.sent == []
+
+
+@pytest.mark.slow
+async def test_of_what_waits_for_a_wizard_no_time_is_told() -> None:
+    async with console(size=(120, 40)) as it:
+        it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
+        await queue(it)
+        assert it.text("scheduler").count("not known") == 3 and "in ~" not in it.text("scheduler")
+        assert "1 running, 3 waiting until somebody takes control" in it.pane("scheduler").title.text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.kernel.records import MemoryRecord
+from rise_engine.kernel.records import MemoryRecord, SessionRecord
 from rise_tui.console import session as session_module
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
@@ -92,6 +92,17 @@ async def test_while_it_is_cut_the_screen_says_so_and_keys_are_refused() -> None
         client.control_record("released", "wizard:anna", None)
         await it.until(lambda: client.verbs == ["take"], "control comes back when nobody else has it")
         await it.until(lambda: "LIVE" in it.bars.status_line.text and "anna#2" in it.bars.status_line.text)
+
+
+async def test_in_a_session_that_waits_for_a_wizard_control_does_not_come_back_by_itself() -> None:
+    async with console() as it:
+        it.client.cut()
+        it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
+        it.client.control_record("released", "wizard:anna", None)
+        await attached_again(it)
+        await it.until(lambda: "nothing begins before somebody takes control: F8" in it.bars.attention_bar.text)
+        await it.until(lambda: not it.screen.store.reclaims_control)
+        assert it.client.verbs == []
 
 
 # --- the engine -------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from textual.widgets import Button, Input
 
-from rise_engine.kernel.records import NoteRecord
+from rise_engine.kernel.records import NoteRecord, SessionRecord
 from rise_tui.actions import ACTIONS
 from rise_tui.key_labels import why_unavailable
 from rise_tui.model.store import Store
@@ -106,6 +106,22 @@ async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() 
         await it.until(lambda: it.client.verbs == ["ask", "release", "take"])
         await it.until(lambda: "LIVE" in it.bars.status_line.text and "ben" in it.bars.status_line.text)
         await it.until(lambda: "you have control" in it.notice)
+
+
+async def test_a_recovered_session_says_that_it_waits_and_with_what_it_will_go_on() -> None:
+    async with console(client=FakeClient(demo(), holder=None), size=(80, 24)) as it:
+        it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
+        said = "recovered: nothing begins before somebody takes control: F8"
+        await it.until(lambda: it.bars.attention_bar.text.strip() == said)
+        for name in ("Greet", *["Nod"] * 6):
+            it.client.act(name, "PENDING")
+        await it.until(lambda: len(it.screen.store.view.waiting) == 7)
+        question = await opened(it)
+        assert "it goes on\nwith everything that waits:\n  Greet\n  Nod\n" in question
+        assert "  and 2 more\n" in question and "stop everything first (F9)" in question
+        await it.press("t")
+        await it.until(lambda: it.client.verbs == ["take"])
+        await it.until(lambda: not it.bars.attention_bar.display)
 
 
 async def test_who_has_control_is_asked_in_a_line_that_stays_gives_it_and_releases_it() -> None:
