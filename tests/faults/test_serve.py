@@ -91,6 +91,21 @@ def test_a_signal_stops_the_robot_and_ends_the_session_in_order(root: Path, numb
     assert engine("sessions").stderr.startswith("no session is running")
 
 
+async def test_a_session_that_ends_releases_no_stop_and_starts_nothing(root: Path) -> None:
+    study = folder(root / "study")
+    it = Serving(study, "--act", "Greet", "--fault", "Speech=ignore-cancel")
+    client = SocketClient(session_name(study), "anna")
+    await client.attach()
+    wait_for_record(it.record, b'"status":"accepted"')
+    it.process.send_signal(signal.SIGTERM)
+    wait_for_record(it.record, b'"status":"requested"')
+    for function, behavior in (("releaseStop", ""), ("startCommunicationRobotAct", "Greet")):
+        reply = await client.send(Submit(function=function, behavior=behavior))
+        assert reply.reason == "the session is ending"
+    await client.close()
+    it.wait()
+
+
 async def test_a_standstill_of_the_engine_is_in_the_record_and_starts_nothing(root: Path) -> None:
     study = folder(root / "study")
     it = Serving(study)

@@ -253,9 +253,8 @@ class _SessionProcess:
         """Stop the robot, let the recorders finish, and end the session, each with a time limit."""
         if self.ending:
             return
-        self.ending = True
+        self.ending = self.hub.ending = True
         if self.companions.recording:
-            self.hub.ending = True
             self.engine.stop_before_end()
             self._finishing = self.loop.create_task(self._end_after_companions(reason))
         else:
