@@ -6,7 +6,7 @@ advances a `VirtualClock`.
 
 With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins and nobody
 gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what makes the robot safe
-(cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it accepts only stop-all from
+(cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it accepts only these from
 outside. Reports of the robot and the timers are kept, with their time, until they can be recorded.
 """
 
@@ -25,7 +25,7 @@ from msgspec.structs import replace
 from rise_engine import __version__
 from rise_engine.base.text import pluralize
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
+from rise_engine.kernel.commands import CancelAction, CancelOpenGoals, Command, StartAction, StopRobot
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -277,7 +277,9 @@ class Engine:
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
         """What the robot may still be doing for ended actions, and can be asked to stop."""
-        return self._kernel.holding_goals
+        reported = (input.open for input, _ in reversed(self._queue) if isinstance(input, RobotChanged))
+        goals = next(reported, self._kernel.core.open_goals)  # the kernel does not know what cannot be recorded
+        return tuple(goal for goal in goals if goal.holds)
 
     @property
     def waits_for_wizard(self) -> bool:
@@ -335,7 +337,7 @@ class Engine:
             if self.paused and self._kernel.stop.latched:
                 self._carry_out_before_recording(StopRobot())
             self._process_queue()
-        elif self.paused and not _requests_stop(input):
+        elif self.paused and not (_requests_stop(input) or self._cancels_open_goals(input)):
             assert self._journal is not None
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
         else:
@@ -384,16 +386,21 @@ class Engine:
             self._process_queue()
 
     def _stop_while_paused(self, input: AnyInput) -> None:
-        """Stop the robot if the input requests that, although nothing can be recorded, and tell what is known about
-        stops. What has not gone out yet never starts."""
+        """Make the robot safe if the input requests that, although nothing can be recorded, and tell what is known
+        about stops. What has not gone out yet never starts."""
         if _requests_stop(input):
             for step in self._unrecorded_steps:
                 starts, step.starts[:] = tuple(step.starts), ()
                 for start in starts:
                     self._post_not_begun(start)
             self._carry_out_before_recording(StopRobot())
+        elif isinstance(input, Submit) and self._cancels_open_goals(input):
+            self._carry_out_before_recording(CancelOpenGoals(input.behavior))
         if _requests_stop(input) or isinstance(input, StopReport):
             self._update_journal_status()
+
+    def _cancels_open_goals(self, input: AnyInput) -> bool:
+        return isinstance(input, Submit) and input.function == "cancelOpenGoals" and bool(self.holding_goals)
 
     def _process_queue(self) -> None:
         while self._queue and not self._last_record_made and not self.paused:

@@ -224,7 +224,7 @@ class _SessionProcess:
     def _cancel_leftovers(self) -> None:
         """Stop what an earlier engine left running, if no wizard is there to decide about it."""
         if not self.hub.has_wizard and self.engine.holding_goals:
-            self.engine.post(Submit(function="cancelOpenGoals", source="engine"))
+            self.engine.accept(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:
         """Schedule the tasks of a rehearsal. Those of one moment share a timer: a loop keeps no order of timers."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,15 @@ import pytest
 from rise_engine.base.files import Disk
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChanged, StopReport, Submit
-from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
+from rise_engine.kernel.records import (
+    ActionRecord,
+    AnyRecord,
+    NoteRecord,
+    OpenGoal,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+)
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
@@ -47,6 +55,18 @@ class Robot:
 
     def stop_all(self) -> None:
         self.calls.append("stop")
+
+    def last_seen(self) -> float | None:
+        return None
+
+    def adopt(self, goals: Sequence[StartAction]) -> None:
+        self.calls.append("adopt")
+
+    def cancel_open_goals(self, part: str) -> None:
+        self.calls.append(f"cancel open {part}".strip())
+
+    def release_open_goals(self, part: str) -> None:
+        self.calls.append(f"release {part}".strip())
 
     def close(self) -> None:
         self.calls.append("close")
@@ -404,6 +424,23 @@ async def test_a_session_that_begins_on_a_full_disk_begins_when_there_is_room(tm
     assert it.records[0].status == "started"
     it.engine.abandon()
     await asyncio.to_thread(it.journal.close, 5.0)
+
+
+async def test_what_is_open_is_cancelled_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    cancel = Submit(function="cancelOpenGoals", source="engine")
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.ENOSPC
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.ask(cancel)
+        assert not it.replies[-1].accepted, "nothing is open"
+        it.robot.report(RobotChanged(status="degraded", open=(OpenGoal("pepper/body", "1/1", "Nod", "it is slow"),)))
+        it.ask(cancel)
+        assert it.robot.calls == ["cancel open"] and len(it.replies) == 1
+        disk.number = None
+        await it.until(lambda: len(it.replies) == 2)
+        assert it.replies[-1].accepted
 
 
 async def test_the_end_stops_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
