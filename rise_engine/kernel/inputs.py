@@ -135,6 +135,9 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     injected_faults: tuple[str, ...] = ()
     speed: float = 1.0
     """The fields above are as in `rise_engine.kernel.records.SessionRecord`."""
+    goals: str = ""
+    """A random text, from which the UUIDs of goals on the robot are made. Empty in older journals: there, the folder's
+    name and the seed are the source."""
     memory: dict[str, Any] = {}
     """The memory values of the condition, set after the scenario's start values and before anything runs."""
 

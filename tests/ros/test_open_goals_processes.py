@@ -122,12 +122,16 @@ async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped
     await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
     session.process.kill()
     session.process.wait()
+    (folder,) = (lab.folder / "sessions").iterdir()
+    folder.rename(folder.with_name("renamed"))
     again = await lab.serve("again", "--recover")
     await robot.says('"end"')  # no wizard is there, so the session stops it by itself
     await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
     after = [each for each in lab.records() if each["kind"] in ("robot", "task")]
     first = next(each for each in after if each["kind"] == "robot" and each["open"])
     assert first["open"][0]["reason"] == "an engine that has gone began it" and first["status"] == "degraded"
+    named = {goal["action"] for each in after for goal in each.get("open", ())}
+    assert named == {"2/1"}, "by its id, although the folder has another name now"
     assert [each["source"] for each in after if each.get("function") == "cancelOpenGoals"] == ["engine"]
     assert again.end(signal.SIGTERM) == exit_status.OK
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from random import SystemRandom
+from uuid import uuid4
 
 from msgspec.structs import replace
 
@@ -181,7 +182,7 @@ class SessionPreparation:
             self.started = first_input(self.scenario, options)
         self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
-        self.started = replace(self.started, injected_faults=self.faults, speed=self.speed)
+        self.started = replace(self.started, injected_faults=self.faults, speed=self.speed, goals=uuid4().hex)
         self._files = loaded.files
 
     def _refuse_other_memory(self) -> None:
@@ -265,8 +266,9 @@ class SessionPreparation:
 
     @property
     def session_id(self) -> str:
-        """An id of the session that stays the same after a recovery."""
-        return f"{self.folder.name} {self.seed}"
+        """The source of the goals' UUIDs, which stays the same after a recovery, also if the folder was renamed."""
+        begun = self.recovered.kernel.begun if self.recovered is not None else self.started
+        return begun.goals or f"{self.folder.name} {self.seed}"
 
     def decide_recording(self) -> RecordingDecision:
         """Decide what records the session, once its journal is open; nothing outside of a study."""
