@@ -434,6 +434,19 @@ def test_what_cannot_be_recovered_is_refused_with_a_sentence_and_not_tried_for_e
     assert f"line {where + 1} is damaged" in result.stderr and "Traceback" not in result.stderr
 
 
+def test_an_edited_session_that_did_not_end_keeps_no_other_one_from_beginning(root: Path) -> None:
+    study = folder(root / "study")
+    record = killed(study, "--seed", "7")
+    info = (record / "session.toml").read_text("utf-8")
+    (record / "session.toml").write_text(info.replace("seed = 7", "seed = 8"), "utf-8")
+    asked = engine("serve", study)
+    assert asked.returncode == 4 and str(record) in asked.stderr
+    again = engine("serve", study, "--recover")
+    assert again.returncode == 5 and "session.toml says seed = 8" in again.stderr
+    assert "Traceback" not in asked.stderr + again.stderr
+    assert Serving(study, "--new").end() == 0
+
+
 def test_an_engine_in_the_background_says_that_it_serves_or_why_not(root: Path) -> None:
     study = folder(root / "study")
     started = start_engine(SessionOptions(str(study), seed=3))

@@ -81,6 +81,9 @@ class SessionPreparation:
             else:
                 self._load_scenario()
                 self._refuse_other_memory()
+        except SessionError as error:  # a file of another session that somebody has edited, for example
+            self.close()
+            raise ServeRefused(exit_status.FAILED, str(error)) from None
         except BaseException:
             self.close()
             raise
@@ -118,7 +121,7 @@ class SessionPreparation:
                 raise ServeRefused(exit_status.USAGE, str(error)) from None
             return folder
         unfinished = find_unfinished(str(Path(options.folder).absolute()))
-        theirs = [each for each in unfinished if belongs_to(read_info(each), options.participant, options.condition)]
+        theirs = [each for each in unfinished if self._is_theirs(each)]
         others = [each for each in unfinished if each not in theirs]
         if options.unfinished == "ask" and unfinished:
             raise ServeRefused(
@@ -138,6 +141,11 @@ class SessionPreparation:
                 others=others,
             )
         return theirs[0] if theirs else None
+
+    def _is_theirs(self, unfinished: Path) -> bool:
+        """Whether a session is of the named participant and condition, by its journal. Only to continue it, its other
+        files must say the same."""
+        return belongs_to(read_info(unfinished, compare=False), self.options.participant, self.options.condition)
 
     def _refuse_if_running(self, scenario_folder: str) -> None:
         """Refuse a second session of a scenario in any environment, unless this one has its own socket name."""
