@@ -519,7 +519,8 @@ class Engine:
     def _note_delay(self, journal: Journal) -> None:
         """Note afterwards that nothing could be recorded for a while: nobody could be answered then."""
         now = self.clock.now()
-        if journal.error or journal.lag > MOST_LATE_SECONDS:
+        # A disk that hangs shows a shorter lag first. Without one, this engine has stood still, and notes that itself.
+        if journal.error or (journal.lag > MOST_LATE_SECONDS and self.journal_status.behind):
             if self._delayed_from is None:
                 self._delayed_from = now - journal.lag * self.clock.speed
         elif self._delayed_from is not None:
