@@ -77,7 +77,7 @@ def ours(environment: dict[str, str]) -> float:
     command = [program, "--config", "scenarios/lablinking", "--mode", "debug", "--new"]
     seconds = until_painted(command, b"LIVE", environment)
     for lock in Path(environment["RISE_RUNTIME"]).glob("*.lock"):
-        pid = int(lock.read_text())
+        pid = int(lock.read_text().split()[0])
         os.kill(pid, signal.SIGKILL)
         while Path(f"/proc/{pid}").exists():
             time.sleep(0.01)

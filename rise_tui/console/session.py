@@ -8,6 +8,7 @@ from itertools import count
 from pathlib import Path
 from time import monotonic
 
+from rise_engine.base.files import is_locked, wait_until
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.run.client.shadow import ShadowClient
 from rise_engine.run.protocol.client import AttachReply, Client, ClientUpdate, ControlVerb, EngineGone, LinkLost
@@ -29,7 +30,15 @@ RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
 
 BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
 BACK_STOPPING = "the connection is back; STOP may not have arrived"
+DISK_SECONDS = 6.0
+"""The engine of a session that is over gives the disk 5 s more to take its last records."""
 STOP_NOT_SENT = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
+
+
+def _gets_end(folder: Path) -> bool:
+    """Whether the record of a session that is over has an end, when its engine gives it up. Blocks."""
+    wait_until(lambda: has_ended(folder) or not is_locked(folder / JOURNAL), DISK_SECONDS)
+    return has_ended(folder)
 
 
 class ConsoleSession:
@@ -75,7 +84,7 @@ class ConsoleSession:
         attached = self.store.attach_reply
         folder = Path(attached.folder)
         if not (attached.replay or attached.shadow or self.store.view.ended) and (folder / JOURNAL).is_file():
-            self.store.end_unrecorded = not await asyncio.to_thread(has_ended, folder)
+            self.store.end_unrecorded = not await asyncio.to_thread(_gets_end, folder)
 
     async def _apply_batch(self, batch: Sequence[ClientUpdate]) -> None:
         """Apply records in pieces, so that a key need not wait until a slow console has caught up."""

@@ -48,7 +48,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path / "study"
     for lock in run.glob("*.lock"):
         if is_locked(lock):
-            os.kill(int(lock.read_text()), signal.SIGKILL)
+            os.kill(int(lock.read_text().split()[0]), signal.SIGKILL)
     shutil.rmtree(run, ignore_errors=True)
 
 

@@ -21,11 +21,16 @@ from typing import Any
 import pytest
 
 from rise_engine.base.files import is_locked, wait_until
+from rise_engine.cli.session.stop import stop
+from rise_engine.cli.terminal import Refused
+from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import EngineGone
 from rise_engine.run.protocol.registry import lock_path, session_name, socket_path
 from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.preparation import SessionPreparation
+from rise_engine.run.server.process import serve
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
@@ -47,7 +52,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path
     for lock in run.glob("*.lock"):
         if is_locked(lock):
-            os.kill(int(lock.read_text()), signal.SIGKILL)
+            os.kill(int(lock.read_text().split()[0]), signal.SIGKILL)
     shutil.rmtree(run, ignore_errors=True)
 
 
@@ -182,6 +187,57 @@ def test_sessions_are_listed_and_stopped_by_folder_or_name(root: Path) -> None:
     assert first.wait() == 0
     assert engine("stop").returncode == 0, "the only one"
     assert second.wait() == 0
+
+
+def test_stop_does_not_say_more_than_the_record(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine gets no time to end, and has not answered either."""
+    it = Serving(folder(root / "study"))
+    wait_for_record(it.record, b'"kind":"robot"')
+    it.process.send_signal(signal.SIGSTOP)
+    kill = os.kill
+    monkeypatch.setattr(os, "kill", lambda process, number: kill(process, signal.SIGKILL))
+    with pytest.raises(Refused, match="its record has no end: look at the robot") as refused:
+        stop.callback(None)  # type: ignore[misc]
+    assert refused.value.exit_code == 74 and it.wait() == -signal.SIGKILL
+
+
+@pytest.mark.parametrize(
+    ("during", "status", "sessions"),
+    [("_recover", 0, ["started", "recovered", "ended"]), ("_load_scenario", 130, ["started"])],
+)
+def test_a_signal_before_a_session_goes_on_ends_it_in_order(
+    root: Path, monkeypatch: pytest.MonkeyPatch, during: str, status: int, sessions: list[str]
+) -> None:
+    study = folder(root / "study")
+    record = killed(study, "--act", "Greet", "--speed", "0.1")
+    prepare = getattr(SessionPreparation, during)
+
+    def signalled(*arguments: Any) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        prepare(*arguments)
+
+    monkeypatch.setattr(SessionPreparation, during, signalled)
+    options = SessionOptions(str(study), unfinished="recover" if during == "_recover" else "new")
+    assert serve(options, lambda message: None) == status
+    assert statuses(record, "session") == sessions and len(list((root / "sessions").iterdir())) == 1
+    assert statuses(record, "stop") == (["requested", "latched"] if status == 0 else [])
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def fail(*arguments: object) -> None:
+    raise BrokenPipeError("nobody reads")
+
+
+@pytest.mark.parametrize(("what", "statuses_"), [("report", ["started", "ended"]), ("kernel", [])])
+def test_an_engine_that_fails_at_its_beginning_leaves_no_robot(
+    root: Path, monkeypatch: pytest.MonkeyPatch, what: str, statuses_: list[str]
+) -> None:
+    study = folder(root / "study")
+    if what == "kernel":
+        monkeypatch.setattr(Kernel, "handle", fail)
+    assert serve(SessionOptions(str(study)), fail if what == "report" else lambda message: None) == 70
+    (record,) = (root / "sessions").iterdir()
+    assert statuses(record, "session") == statuses_
 
 
 def test_one_session_per_folder(root: Path) -> None:
@@ -455,7 +511,7 @@ def test_an_engine_in_the_background_says_that_it_serves_or_why_not(root: Path) 
     assert read_info(Path(started.folder)).seed == 3
     refused = start_engine(SessionOptions(str(study)))
     assert isinstance(refused, EngineRefused) and refused.code == 3
-    pid = int(lock_path(socket_path(started.name)).read_text())
+    pid = int(lock_path(socket_path(started.name)).read_text().split()[0])
     assert os.getsid(pid) == pid, "it belongs to no terminal"
     assert engine("stop").returncode == 0
     nowhere = start_engine(SessionOptions(str(root / "nowhere")))

@@ -71,7 +71,7 @@ class Runtimes:
         for run in self.runs:
             for path in run.glob("*.lock"):
                 if is_locked(path):
-                    os.kill(int(path.read_text()), signal.SIGKILL)
+                    os.kill(int(path.read_text().split()[0]), signal.SIGKILL)
             shutil.rmtree(run, ignore_errors=True)
 
 

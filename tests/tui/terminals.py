@@ -272,7 +272,7 @@ def engines_of(home: str) -> list[int]:
     found = []
     for path in Path(home, "run").glob("*.lock"):
         with suppress(FileNotFoundError, ValueError):  # it is just ending, or just beginning
-            found.append(int(path.read_text()))
+            found.append(int(path.read_text().split()[0]))
     return [engine for engine in found if engine != os.getpid()]  # a test may be the engine itself
 
 

@@ -57,7 +57,7 @@ ARGUMENTS = {
 
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
-_IN_ORDER = {*range(7), 74}
+_IN_ORDER = {*range(7), 74, 130}
 """Exit statuses after which a restart is useless: the session ended, even with a robot that may still be doing
 something (6) or without the end of its record (74), or was refused (as in the systemd unit)."""
 

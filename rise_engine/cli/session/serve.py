@@ -103,7 +103,7 @@ def serve(
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
     end: use --recover or --new; 5 it cannot be recovered; 6 the session has ended, but the robot may still be doing
-    something; 70 the engine failed; 74 not everything could be recorded.
+    something; 70 the engine failed; 74 not everything could be recorded; 130 ended before it began.
     """
     if (recover or which is not None) and new:
         exit_with_usage("use either --recover or --new")

@@ -7,6 +7,7 @@ import os
 import shlex
 import signal
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -20,9 +21,9 @@ from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
 from rise_engine.run.protocol.registry import (
     RegistryError,
-    ask_summary,
     find_running,
     lock_path,
+    read_lock,
     running_names,
     session_name,
     socket_path,
@@ -43,13 +44,12 @@ def stop(which: str | None) -> int:
     """End a running session: stop what it began on the robot, and complete the record.
 
     Without an argument, end the only running session. Exit status: 0 it has ended; 6 the same, but the robot may still
-    be moving; 74 the same, but not everything could be recorded; 1 there is no such session, or several.
+    be moving; 74 the same, but its record has no end; 1 there is no such session, or several.
     """
     name = find_session_name(which)
     lock = lock_path(socket_path(name))
-    summary = ask_summary(name)
     try:
-        pid = int(lock.read_text())
+        pid, folder = read_lock(lock)
         os.kill(pid, signal.SIGTERM)
     except (OSError, ValueError) as error:
         raise Refused(f"{name} cannot be asked to end: {error}") from None
@@ -57,15 +57,17 @@ def stop(which: str | None) -> int:
     while is_locked(lock):
         if time.monotonic() > deadline:
             raise Refused(f"{name} (process {pid}) has not ended within {END_SECONDS:g} s", status=FAILED)
+        with suppress(OSError, ValueError):  # it goes just now
+            folder = read_lock(lock)[1] or folder
         time.sleep(0.02)
-    if summary is not None and summary.folder and not has_ended(Path(summary.folder)):
-        unrecorded = f"{name} has ended, and the end of its record could not be written: look at the robot"
-        raise Refused(unrecorded, status=NOT_WRITTEN)
-    print_notes(f"{name} has ended")
-    if summary is None or not summary.folder:
+    if folder is None:
+        print_notes(f"{name} has ended before its session began")
         return OK
-    look = look_at_robot_text(left_open(Path(summary.folder)))
-    print_notes(*filter(None, (look, *_to_judge_lines(Path(summary.folder)))))
+    if not has_ended(folder):
+        raise Refused(f"{name} has ended, and its record has no end: look at the robot", status=NOT_WRITTEN)
+    print_notes(f"{name} has ended")
+    look = look_at_robot_text(left_open(folder))
+    print_notes(*filter(None, (look, *_to_judge_lines(folder))))
     return STILL_RUNNING if look else OK
 
 

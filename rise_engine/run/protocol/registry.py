@@ -106,6 +106,10 @@ class SessionLock:
         """Where to listen. Nothing exists there yet."""
         self._descriptor = descriptor
 
+    def write_folder(self, folder: Path) -> None:
+        """Write the session's folder into the lock, before anything of it begins."""
+        os.write(self._descriptor, os.fsencode(folder.absolute()) + b"\n")
+
     def close(self) -> None:
         """Remove the socket and release the name."""
         if self._descriptor < 0:
@@ -151,6 +155,16 @@ def _lock_file(path: Path) -> int | None:
             os.close(descriptor)
             raise
         os.close(descriptor)  # the previous holder removed this file: lock the present one
+
+
+def read_lock(path: Path) -> tuple[int, Path | None]:
+    """Read the process that holds a session's lock, and the session's folder. None: it has chosen none yet.
+
+    :raises OSError: there is no such lock.
+    :raises ValueError: it names no process.
+    """
+    process, _, folder = path.read_bytes().partition(b"\n")
+    return int(process), Path(os.fsdecode(folder[:-1])) if folder.endswith(b"\n") else None
 
 
 def running_names() -> list[str]:

@@ -251,11 +251,13 @@ class SessionPreparation:
             allow_untranslated=self.options.allow_untranslated,
             wizard=self.options.wizard or (self.options.login if self.scenario.mode == "debug" else ""),
         )
+        self.name_lock.write_folder(self.folder)
 
     def _recover(self, folder: Path, report: ReportStartup) -> None:
         def on_progress(sentence: str) -> None:
             report(StartupProgress(f"recovering: {sentence}"))
 
+        self.name_lock.write_folder(folder)
         try:
             with one_at_a_time(folder.parent):
                 self._refuse_if_running(read_info(folder).scenario_folder)

@@ -38,6 +38,7 @@ from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.run.server.server import SessionServer
 from rise_engine.run.server.spawn import EngineStarted, ReportStartup, StartOutcome, StartupProgress
 from rise_engine.run.server.take_over import ScenarioTakeover
+from rise_engine.session.folder import has_ended
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
 
@@ -48,6 +49,9 @@ LEFTOVER_SECONDS = 5.0
 POLL_SECONDS = 0.5
 """Interval between two checks of the journal, so that a lag shows, and of this process, so that a standstill does."""
 
+_ENDING = (signal.SIGTERM, signal.SIGINT)
+"""The signals that end the session."""
+
 
 def serve(options: SessionOptions, report: ReportStartup) -> int:
     """Serve a session until it ends.
@@ -57,25 +61,36 @@ def serve(options: SessionOptions, report: ReportStartup) -> int:
     :return: the exit status.
     """
     preparation: SessionPreparation | None = None
+    early: list[str] = []
+
+    def on_signal(number: int, frame: object) -> None:
+        """Remember it until there is a session to end: a recovery must not leave the robot as it is."""
+        if number in _ENDING:
+            early.append(signal.Signals(number).name)
+
+    before = {number: signal.signal(number, on_signal) for number in (*_ENDING, signal.SIGHUP)}
     try:
         preparation = SessionPreparation(options, report)
-        return asyncio.run(_SessionProcess(preparation, report).run())
+        return asyncio.run(_SessionProcess(preparation, report, early).run())
     except ServeRefused as refusal:
         report(refusal.report)
         return refusal.report.code
     finally:
         if preparation is not None:
             preparation.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _SessionProcess:
     """The running session."""
 
-    def __init__(self, prepared: SessionPreparation, report: ReportStartup) -> None:
+    def __init__(self, prepared: SessionPreparation, report: ReportStartup, early: list[str]) -> None:
         self.prepared = prepared
         self.report = report
+        self.early = early
+        """The signals that came before the session began."""
         self.ending = False
-        self.unrecorded = False
         self.signals = 0
         """How many have asked it to end."""
 
@@ -90,6 +105,8 @@ class _SessionProcess:
 
     async def _serve(self, bridge: Bridge[SessionHub] | None) -> int:
         prepared, recovered = self.prepared, self.prepared.recovered
+        if self.early and recovered is None:
+            raise ServeRefused(exit_status.INTERRUPTED, f"ended by {self.early[0]} before the session began")
         self.loop = asyncio.get_running_loop()
         clock = RealClock(self.loop, prepared.speed, recovered.t if recovered is not None else 0.0)
         robot = prepared.make_robot(clock, bridge)
@@ -106,22 +123,22 @@ class _SessionProcess:
         hub.subscribe(self._keep_unrecorded_stop)
         ended = asyncio.Event()
         engine.on_ended(ended.set)
-        self._handle_signals()
         try:
             await server.start()
         except OSError as error:
             raise ServeRefused(exit_status.FAILED, f"the session's socket cannot be made: {error}") from None
         journal.lock.write_holder(str(prepared.name_lock.socket.absolute()))
         polling = self.loop.create_task(self._poll_journal(engine))
-        self._start_engine(engine)
-        if bridge is not None:
-            engine.post(Note(text=f"the session is on {bridge.about}"))
-        if recording.remark:
-            engine.post(Note(text=recording.remark))
-        if not self.ending:
-            self.companions.start()
-        self._report_ready()
+        failed = False
         try:
+            on_network = f"the session is on {bridge.about}" if bridge is not None else ""
+            self._begin(engine, *filter(None, (on_network, recording.remark)))
+            await ended.wait()
+        except Exception as error:  # the robot must not go on without its engine
+            failed = True
+            if engine.failure is None:
+                logging.getLogger(__name__).error("the session failed", exc_info=error)
+            self.end("the engine failed")
             await ended.wait()
         finally:
             polling.cancel()
@@ -132,14 +149,26 @@ class _SessionProcess:
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
                 await asyncio.to_thread(find_marks_later, prepared.folder, hub.view)
-        if engine.failure is not None:
+        if failed or engine.failure is not None:
             return exit_status.FAILED
-        if not recorded or self.unrecorded:
+        if not recorded or not has_ended(prepared.folder):
             return exit_status.NOT_WRITTEN
         if engine.open_goals:
             logging.getLogger(__name__).error("the session has ended; %s", describe_open_goals(engine.open_goals))
             return exit_status.STILL_RUNNING
         return exit_status.OK
+
+    def _begin(self, engine: Engine, *remarks: str) -> None:
+        """Begin the session, and end it at once if somebody has asked for that meanwhile."""
+        self._start_engine(engine)
+        for remark in remarks:
+            engine.post(Note(text=remark))
+        self._handle_signals()
+        if self.early:
+            self.end(f"ended by {self.early[0]}")
+        if not self.ending:
+            self.companions.start()
+        self._report_ready()
 
     def _flush_soon(self) -> None:
         """Flush the engine soon; called on the journal's thread after progress."""
@@ -164,7 +193,7 @@ class _SessionProcess:
         )
 
     def _handle_signals(self) -> None:
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in _ENDING:
             self.loop.add_signal_handler(number, self._end_by_signal, f"ended by {number.name}")
         self.loop.add_signal_handler(signal.SIGHUP, lambda: None)
 
@@ -267,12 +296,12 @@ class _SessionProcess:
             self._end_engine(reason)
 
     def _end_engine(self, reason: str) -> None:
-        self.engine.end(reason)
+        # Whoever ends it so early does not know what an earlier engine has left on the robot.
+        self.engine.end(reason, stop=True if self.early else None)
         self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)
 
     def _abandon(self) -> None:
         if not self.engine.ended:
-            self.unrecorded = True
             trouble = self.engine.journal_status.sentence or "it is too slow"
             logging.getLogger(__name__).error("the disk did not take the last records: %s", trouble)
             self.engine.abandon()
