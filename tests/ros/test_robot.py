@@ -274,6 +274,45 @@ def test_two_servers_cannot_confirm() -> None:
     assert robot.stop().unconfirmed == (f"pepper/speech ({reason})",)
 
 
+def test_what_goes_away_during_a_stop_is_asked_again_when_it_is_back() -> None:
+    robot = Alone()
+    robot.run(1)
+    both = StopReport(confirmed=("pepper/look_at", "pepper/speech"))
+    assert robot.stop() == both
+    robot.wire.forget("/robot")
+    robot.run(5)
+    assert robot.of(StopReport) == [both], "what has confirmed and is gone does nothing"
+    robot.wire.heal("/robot")
+    robot.run(7)
+    assert [server.cancels for server in robot.servers.values()] == [[bytes(16)] * 2] * 2
+    appeared = "(it has only just appeared)"
+    back = StopReport(unconfirmed=(f"pepper/look_at {appeared}", f"pepper/speech {appeared}"))
+    assert robot.of(StopReport) == [both, back, both]
+
+
+def test_a_second_server_that_appears_during_a_stop_was_not_asked() -> None:
+    robot = Alone()
+    robot.run(1)
+    robot.stop()
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
+    robot.run(6)
+    assert robot.of(StopReport)[-1].unconfirmed == ("pepper/speech (2 servers, and only one can have answered)",)
+    twin.close()
+    robot.run(8)
+    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+
+
+def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
+    robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=8, cancel="reject", status=False))
+    robot.run(1)
+    refused = StopReport(confirmed=("pepper/look_at",), unconfirmed=("pepper/speech (it refused to stop)",))
+    assert robot.stop() == refused
+    robot.run(12)
+    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech"), "it is asked until it has ended"
+
+
 def test_asked_twice_it_asks_twice_and_answers_once() -> None:
     robot = Alone(Plan(seconds=60, cancel_seconds=1.0))
     robot.start()

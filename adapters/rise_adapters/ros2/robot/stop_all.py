@@ -58,6 +58,10 @@ class CancelAll:
     def __init__(self, endpoint: ActionEndpoint, find_goals: FindGoals) -> None:
         self.endpoint = endpoint
         self.answer: CancelResponse | None = None
+        """Of the servers that are there now."""
+        self.is_asked = False
+        """Whether those servers were asked."""
+        self._servers = endpoint.presence.changes
         self._own_goals = partial(find_goals, endpoint)
         self._known: set[bytes] = set()
         """Goals that it is cancelling, or reported as unfinished."""
@@ -75,8 +79,16 @@ class CancelAll:
         self._moved_since = False
         """Whether somebody else has begun something there since the report."""
 
-    def take_answer(self, answer: CancelResponse) -> None:
-        if self.answer is None or answer.goals:
+    def ask(self, changed: Callable[[], None]) -> None:
+        """Ask it to cancel everything. `changed` is called with each answer."""
+        self.is_asked = True
+        try:
+            self.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, self._servers, changed))
+        except PortError as error:
+            _LOG.warning("%s could not be asked to stop: %s", self.endpoint.name, error)
+
+    def _take_answer(self, servers: int, changed: Callable[[], None], answer: CancelResponse) -> None:
+        if servers == self._servers and (self.answer is None or self._has_rejected or answer.goals):
             self.answer = answer
         self._known.update(answer.goals)
         self._stopping.update(answer.goals)
@@ -84,6 +96,18 @@ class CancelAll:
         for goal in answer.goals:
             if goal in own:
                 own[goal].cancellation.confirm()
+        self._ask_about_others(changed)
+        changed()
+
+    @property
+    def _has_rejected(self) -> bool:
+        """Whether it has answered that it does something and stops nothing. That confirms nothing."""
+        return self.answer is not None and self.answer.code == CANCEL_REJECTED and not self.answer.goals
+
+    @property
+    def owes_answer(self) -> bool:
+        """Whether it must be asked, again or for the first time. What it does not stop, its status may not show."""
+        return self.answer is None or (self._has_rejected and not self.find_running())
 
     def find_running(self) -> set[bytes]:
         """Goals that may be running there."""
@@ -102,14 +126,19 @@ class CancelAll:
     def is_confirmed(self) -> bool:
         """Whether the one server, present or gone since it confirmed, has answered, and nothing runs there."""
         running = self.find_running()  # also notes listed goals, so it is called first
+        presence = self.endpoint.presence
+        if presence.changes != self._servers:
+            self._servers = presence.changes
+            self.answer, self.is_asked = None, False
+            self._has_confirmed = self._has_confirmed and not presence.count
         if running and self._has_confirmed:
             self._has_confirmed = False
-            if self.is_reported:
-                self._moved_since = True
-            else:
+            if not self.is_reported:
                 self.answer = None  # ask it again
-        elif not (running or self._moved_since) and self.answer is not None and self.endpoint.presence.count == 1:
-            self._has_confirmed = self.endpoint.is_known
+            elif presence.count:
+                self._moved_since = True
+        elif not (running or self._moved_since or self.answer is None) and presence.count:
+            self._has_confirmed = presence.count == 1 and self.endpoint.is_known and not self._has_rejected
         return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
@@ -122,14 +151,15 @@ class CancelAll:
             return "something was begun there after the stop"
         if presence.count > 1:
             return f"{presence.count} servers, and only one can have answered"
+        if not (endpoint.is_known or self.find_running()):
+            return "it has only just appeared"
         if self.answer is None:
             return "asked, no answer"
         ours = [goal for goal in own.values() if goal.may_be_running and goal.phase == "ended"]
         if ours:
             return ours[0].why_open()
-        if not (endpoint.is_known or self.find_running()):
-            return "it has only just appeared"
-        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.find_running()):
+        running = self.find_running()
+        if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not (running and self._is_stopping(running)):
             return "it refused to stop"
         return "still running"
 
@@ -143,7 +173,7 @@ class CancelAll:
             for goal in goals
         )
 
-    def ask_about_others(self, changed: Callable[[], None]) -> None:
+    def _ask_about_others(self, changed: Callable[[], None]) -> None:
         """Ask about goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
         `changed` is called with each answer."""
         unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
@@ -206,7 +236,6 @@ class StopAll:
         self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
-        self._asked: set[CancelAll] = set()
         self._topics: list[TellTopic] = []
         """Parts that cannot confirm."""
         self._unstoppable: list[str] = []
@@ -240,8 +269,10 @@ class StopAll:
             topic.poll()
         confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # calls all of them: see `find_running`
         if self._reported is not None:
-            self._ask(cancel for cancel in self._cancels if cancel not in self._asked)  # newly appeared
+            self._ask(cancel for cancel in self._cancels if not cancel.is_asked)  # newly appeared
             if self._make_report() != self._reported:
+                if self._timer is None:
+                    self._timer = self._clock.call_at(self._clock.now() + REPEAT_SECONDS, self._keep_asking)
                 self._finish()
         elif all(confirmed):
             self._finish()
@@ -254,12 +285,13 @@ class StopAll:
 
     def _keep_asking(self) -> None:
         """Ask those that have not answered, and ask again later, until all have confirmed."""
+        self._timer = None
         now = self._clock.now()
         if self._reported is None and now + TIMER_TOLERANCE >= self._until:
             self._finish()
         if self._is_abandoned or (self._reported is not None and not self._reported.unconfirmed):
             return
-        self._ask(cancel for cancel in self._cancels if cancel.answer is None)
+        self._ask(cancel for cancel in self._cancels if cancel.owes_answer)
         again = min(now + REPEAT_SECONDS, self._until) if self._reported is None else now + SLOW_REPEAT_SECONDS
         self._timer = self._clock.call_at(again, self._keep_asking)
         self.poll()
@@ -267,16 +299,7 @@ class StopAll:
     def _ask(self, cancels: Iterable[CancelAll]) -> None:
         for cancel in tuple(cancels):
             if cancel.endpoint.presence.count:
-                self._asked.add(cancel)
-                try:
-                    cancel.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, cancel))
-                except PortError as error:
-                    _LOG.warning("%s could not be asked to stop: %s", cancel.endpoint.name, error)
-
-    def _take_answer(self, cancel: CancelAll, answer: CancelResponse) -> None:
-        cancel.take_answer(answer)
-        cancel.ask_about_others(self.poll)
-        self.poll()
+                cancel.ask(self.poll)
 
     def _finish(self) -> None:
         """Report the present state."""
