@@ -168,8 +168,7 @@ def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> No
         "it was running when the robot was found",
     )
     end = robot.of(ActionReport)[-1]
-    why = "it was running when the robot was found"
-    held = f"held: /pepper/rise/speech may still be doing Speech ({why}) and gets nothing else"
+    held = f"held: {SPEECH} may still be doing Speech (it was running when the robot was found) and gets nothing else"
     assert (end.status, end.reason) == ("failed", held) and server.at_once == 1
     robot.robot.cancel_open_goals("pepper/speech")
     robot.run(8)
@@ -205,6 +204,24 @@ def test_what_others_have_begun_is_known_to_the_engine_that_continues(status_aft
     robot.start("1/a", "LookAt")
     robot.run(33)
     assert robot.of(ActionReport)[-1].status == "succeeded"
+
+
+def test_what_waits_beside_what_an_engine_left_fails_with_a_reason_and_polls_no_more_often() -> None:
+    robot = Alone()
+    robot.run(1)
+    robot.recover(StartAction("old", "LookAt", {}, 1.0))
+    robot.run(2)
+    robot.start()
+    turns = 0
+    while (due := robot.clock.next_at) is not None and due < 10.9:
+        robot.clock.advance()
+        turns += 1
+    assert turns < 300, "it waits for 9 s, and the servers are polled 20 times a second"
+    held = "/pepper/rise/look_at may still be doing LookAt (an engine that has gone may have begun it)"
+    assert robot.of(ActionReport) == []
+    robot.run(11.1)
+    (end,) = robot.of(ActionReport)
+    assert (end.status, end.reason) == ("failed", f"held: {held}, and nothing begins beside that")
 
 
 @pytest.mark.parametrize("is_used_before", [True, False])

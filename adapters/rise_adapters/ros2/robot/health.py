@@ -10,6 +10,7 @@ from msgspec import Struct
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
 from rise_adapters.ros2.robot.endpoints import Endpoint, TopicEndpoint
 from rise_adapters.ros2.robot.estop_input import EstopInput
+from rise_adapters.ros2.robot.goal_host import Goal
 from rise_adapters.ros2.transport.port import Transport
 from rise_engine.kernel.records import OpenGoal
 
@@ -64,6 +65,18 @@ def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
         if isinstance(each, TopicEndpoint) and (goal := each.unstopped) is not None:
             found.append(OpenGoal(each.label, goal.action, goal.type, goal.why_open(), holds=False))
     return tuple(found)
+
+
+def why_held(estop: EstopInput | None, left: Goal | None) -> str:
+    """Why nothing new begins anywhere on a robot (`GoalHost.why_held`). `left`: what an earlier engine has left."""
+    if estop is not None and estop.pressed:
+        return f"estop-pressed: the emergency stop at {estop.name} is pressed"
+    if estop is not None and estop.fault:
+        return f"estop-unknown: {estop.trouble}"
+    if left is None:
+        return ""
+    what = f"{left.endpoint.name} may still be doing {left.type} ({left.why_open()})"
+    return f"held: {what}, and nothing begins beside that"
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:

@@ -11,6 +11,8 @@ from functools import partial
 from itertools import cycle
 from math import inf
 
+from msgspec.structs import replace
+
 from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
@@ -175,6 +177,9 @@ class Ros2Robot:
         if self._stop is not None and self._stop.is_answered:
             self._stop.abandon()  # the stop was released
             self._stop = None
+        if self._left is not None:  # unless a person does, the engine cancels that after 5 s
+            server = mapping.deadlines.server + mapping.deadlines.cancel
+            mapping = replace(mapping, deadlines=replace(mapping.deadlines, server=server))
         try:
             node, frame = self._transport.node, self._frame
             message = mapping.make_message(goal.parameters, node=node, goal=goal.action, frame=frame)
@@ -185,15 +190,14 @@ class Ros2Robot:
         self._goals[goal.action] = made
         self._forget_oldest()
         self._poll_endpoints((made.endpoint,))
-        if not self._is_settling:
-            made.poll()
+        made.poll()
         self.on_goal_changed(made)
 
     @property
-    def _is_settling(self) -> bool:
-        """Whether the robot may still be doing what an earlier engine has left. Nothing new begins beside that, because
+    def _left(self) -> Goal | None:
+        """What an earlier engine has left, and the robot may still be doing. Nothing new begins beside that, because
         the two were never meant to happen together."""
-        return any(goal.may_be_running and goal.holds_its_part for goal in self._adopted)
+        return next((goal for goal in self._adopted if goal.may_be_running and goal.holds_its_part), None)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
         """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
@@ -288,11 +292,7 @@ class Ros2Robot:
     # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
     def why_held(self) -> str:
-        if self._estop is None:
-            return ""
-        if self._estop.pressed:
-            return f"estop-pressed: the emergency stop at {self._estop.name} is pressed"
-        return f"estop-unknown: {self._estop.trouble}" if self._estop.fault else ""
+        return health.why_held(self._estop, self._left)
 
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
@@ -328,8 +328,6 @@ class Ros2Robot:
             goal.endpoint.open.pop(goal.action, None)
         if is_open and not was_open and self._reported is not None:
             self._report_standing()
-
-    # --- stopping everything ------------------------------------------------------------------------------------
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
         """Our goals there. One that somebody has released is judged by what the server says, like those of others."""
@@ -368,10 +366,8 @@ class Ros2Robot:
         self._poll_endpoints()
         if self._estop is not None and not self._transport.failure():
             self._estop.poll()
-        is_settling = self._is_settling
         for goal in tuple(self._live.values()):
-            if not (is_settling and goal.phase == "waiting"):
-                goal.poll()
+            goal.poll()
         self._report_standing()
         self._set_timer()
 
