@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import json
 import re
@@ -22,6 +23,9 @@ from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.bundle.making import BundleOptions, make_bundle
 from rise_engine.results.export.format import ExportError
+from rise_engine.run.client.replay import ReplayClient
+from rise_engine.run.client.shadow import ShadowClient
+from rise_engine.run.protocol.client import EngineGone
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
@@ -160,12 +164,35 @@ def _report(study: Path, folder: Path, out: Path) -> tuple[int, str]:
     return run("report", study, "-o", out)
 
 
+def _list(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    return run("sessions", study)
+
+
+def _media(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    film = study.parent / "film.mkv"
+    film.touch()
+    return run("media", "add", folder, film, "--at", f"{film}=0")
+
+
+def _attach(study: Path, folder: Path, out: Path) -> tuple[int, str]:
+    """As a second wizard, and to look at it on a console."""
+    said: list[str] = []
+    for client in (ShadowClient(folder, "ben"), ReplayClient(folder)):
+        with pytest.raises(EngineGone) as refused:
+            asyncio.run(client.attach())
+        said.append(str(refused.value))
+    assert said[0] == said[1]
+    return 1, said[0]
+
+
 def _check_before(study: Path, folder: Path, out: Path) -> tuple[int, str]:
     found = look_at_last_session(study / SESSIONS)
     return int(not found.passed), found.reason
 
 
-@pytest.mark.parametrize("reader", [_replay, _export, _records, _bundle, _report, _check_before])
+@pytest.mark.parametrize(
+    "reader", [_replay, _export, _records, _bundle, _report, _check_before, _list, _media, _attach]
+)
 @pytest.mark.parametrize("file", [INFO, LOG_FILE])
 def test_whatever_reads_a_session_refuses_it(
     study: Path, tmp_path: Path, reader: Callable[[Path, Path, Path], tuple[int, str]], file: str
@@ -198,7 +225,9 @@ def test_the_journal_says_when_a_session_began(study: Path) -> None:
     assert read_info(folder, compare=False).started == before[1].started
     with pytest.raises(RelabelledError, match='says started = "2031-01-01T10'):
         read_session(folder)
-    assert "2031" not in run("sessions", study)[1]
+    status, listed = run("sessions", study)
+    (told,) = [line for line in listed.splitlines() if "2031" in line]
+    assert status == 1 and told.startswith(f"{folder.name}: session.toml says started = ")
 
 
 @pytest.mark.parametrize(("seconds", "differs"), [(1.5, False), (-1.5, False), (30, True), (-30, True)])

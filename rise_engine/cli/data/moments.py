@@ -17,6 +17,7 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.labels import read_labels
 from rise_engine.session.media import FoundMark
+from rise_engine.study.labels import refuse_relabelled
 
 _MARK = re.compile(r"mark *(\d+)")
 _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
@@ -34,6 +35,7 @@ class MarksAndOutages(Struct):
 
 def read_marks(folder: Path) -> MarksAndOutages:
     """Read a session's marks and interruptions. Raises SessionError."""
+    refuse_relabelled(folder)
     marks: list[SessionMark] = []
     interruptions: list[float] = []
     collector = OutageCollector((read_labels(folder / JOURNAL) or {}).get("speed") or 1.0)

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import OK, PARTIAL
 from rise_engine.base.files import is_locked
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
@@ -31,9 +32,9 @@ from rise_engine.session.folder import (
     sessions_folder,
 )
 from rise_engine.study.copies import SESSIONS, copied_sessions
-from rise_engine.study.labels import reassignment_of
+from rise_engine.study.labels import reassignment_of, session_differences
 from rise_engine.study.standing import when_text
-from rise_engine.study.study_log import read_log
+from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import is_study
 from rise_engine.study.verdict import read_verdict
 
@@ -42,18 +43,19 @@ from rise_engine.study.verdict import read_verdict
 @click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
 @click.option("--all", "everything", is_flag=True, help="Also list sessions that have ended.")
 @JSON
-def sessions(where: str | None, everything: bool, as_json: bool) -> None:
+def sessions(where: str | None, everything: bool, as_json: bool) -> int:
     """List the sessions that run on this machine, and those that did not end.
 
     With STUDY, a scenario's DIR or a folder of sessions, list every session that was recorded there, with participant,
     condition, outcome, length and mode. With --all, do the same for the usual sessions folder.
 
-    Exit status: 0; 1 if they cannot be listed; 2 if there is no such folder.
+    Exit status: 0; 1 if they cannot be listed, or another file says something else than a session's journal; 2 if there
+    is no such folder.
     """
     if where is not None or everything:
-        _print_recorded(where, as_json=as_json)
-    else:
-        print_sessions(as_json=as_json)
+        return _print_recorded(where, as_json=as_json)
+    print_sessions(as_json=as_json)
+    return OK
 
 
 # --- running sessions -----------------------------------------------------------------------------------------------
@@ -93,14 +95,19 @@ def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
 # --- recorded sessions ----------------------------------------------------------------------------------------------
 
 
-def _print_recorded(where: str | None, *, as_json: bool) -> None:
-    """Print every recorded session of a study, of a scenario or in a folder; None: in the usual sessions folder."""
+def _print_recorded(where: str | None, *, as_json: bool) -> int:
+    """Print every recorded session of a study, of a scenario or in a folder; None: in the usual sessions folder.
+
+    Return the exit status."""
     if where is not None and not Path(where).is_dir():
         exit_with_usage(f"there is no folder {where}")
     found = list_sessions(None if where is None else Path(where))
     show(session_lines(found) if found else (), found, as_json=as_json)
     if not found and not as_json:
         print_notes("no session was recorded here")
+    others = [f"{Path(each.folder).name}: {'; '.join(each.differences)}" for each in found if each.differences]
+    print_notes(*others)
+    return PARTIAL if others else OK
 
 
 class ListedSession(Struct, frozen=True):
@@ -123,6 +130,8 @@ class ListedSession(Struct, frozen=True):
     purpose: str
     mode: str
     title: str
+    differences: list[str] = []
+    """What other files say differently from its journal, which the list shows."""
 
 
 def list_sessions(where: Path | None) -> list[ListedSession]:
@@ -131,13 +140,14 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
     :param where: the folder of one of these; None: the folder of sessions outside of studies.
     :raises rise_engine.study.study_log.StudyLogError: a study's log cannot be read.
     """
-    judgements, copies = NO_JUDGEMENTS, set[str]()
+    judgements, copies, log = NO_JUDGEMENTS, set[str](), list[LogEntry]()
     scenario = ""
     if where is None:
         root = sessions_folder()
     elif is_study(where):
         root = where / SESSIONS
-        copies = {*copied_sessions(where, read_log(where))}
+        log = [*read_log(where)]
+        copies = {*copied_sessions(where, log)}
         judgements = read_judgements(where)
     elif (where / "scenario.toml").is_file():
         root, scenario = sessions_folder(), os.path.realpath(where)
@@ -152,7 +162,8 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
             if (moved := reassignment_of(folder)) is not None:
                 info = replace(info, participant=moved.participant, slot=moved.slot or 0, attempt=moved.attempt)
             if has_begun(folder) and scenario in ("", os.path.realpath(info.scenario_folder)):
-                found.append(_listed(folder, info, judgements.of(folder.name, info.participant)))
+                listed = _listed(folder, info, judgements.of(folder.name, info.participant))
+                found.append(replace(listed, differences=session_differences(folder, log)))
     return sorted(found, key=lambda each: (each.started, each.folder))
 
 

@@ -15,6 +15,7 @@ from rise_engine.run.protocol.client import AttachReply, ClientInput, ControlVer
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import load_session_scenario
+from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500
 """Maximum number of records that a console gets at once, so that it can paint in between."""
@@ -45,6 +46,7 @@ class ReplayClient:
             self._began = time.monotonic()
 
     def _open(self) -> AttachReply:
+        refuse_relabelled(self._folder)
         info = read_info(self._folder)
         contents = read_journal(self._folder / JOURNAL)
         notes: list[str] = []

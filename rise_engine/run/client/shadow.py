@@ -54,6 +54,7 @@ from rise_engine.session.shadow import (
     ShadowPlay,
     ShadowWriter,
 )
+from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500
 """Maximum number of records that a console gets at once, so that it can paint in between."""
@@ -151,6 +152,7 @@ class ShadowClient:
             raise EngineGone(str(error)) from None
 
     def _open(self) -> AttachReply:
+        refuse_relabelled(self._folder)
         info = read_info(self._folder)
         if is_locked(self._folder / JOURNAL):
             raise SessionError("the session still runs: its cues can be played when it has ended")
