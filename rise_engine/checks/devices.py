@@ -22,7 +22,17 @@ from rise_engine.kernel.speech import SPEECH, why_not_speak
 from rise_engine.ports.recorder import CALL_SECONDS, Recorder, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.ports.robot import Robot, RobotReport
 from rise_engine.run.engine.clock import RealClock
-from rise_engine.run.engine.drivers import RobotOptionsError, driver_name_for, make_robot, open_bridge, profile_findings
+from rise_engine.run.engine.drivers import (
+    RobotOptionsError,
+    driver_name_for,
+    make_robot,
+    narrow_profile,
+    needed_actions,
+    open_bridge,
+    profile_findings,
+    sent_as,
+    unstoppable_actions,
+)
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.recording.one_recorder import call_within, recording_size
 from rise_engine.scenario.loader import load
@@ -54,7 +64,7 @@ async def look_at_robot(request: ChildRequest) -> Finding:
         found_in_profile = [] if _is_simulated(scenario) else profile_findings(profile)
         if problems := [each.sentence for each in found_in_profile if each.refuses]:
             return Finding(False, reason="; ".join(problems))
-        unstoppable = [each.where.split(".")[1] for each in found_in_profile if each.kind == "unstoppable"]
+        unstoppable = unstoppable_actions(found_in_profile)
         changes = _RobotChanges()
         async with _connected_robot(request, scenario, profile) as (robot, _):
             robot.connect(changes.take)
@@ -81,7 +91,7 @@ async def say_word(request: ChildRequest) -> Finding:
             return Finding(True, "the robot is simulated: there is nothing to hear")
         word = word_for(scenario.language)
         # Only the voice is needed: another check reports parts that are not there yet.
-        profile = narrow_profile(scenario.robot, frozenset({_sent_as(scenario.robot, SPEECH)}))
+        profile = narrow_profile(scenario.robot, frozenset({sent_as(scenario.robot, SPEECH)}))
         async with _connected_robot(request, scenario, profile) as (robot, clock):
             ended = await _say(replace(scenario, robot=profile), robot, clock, word)
     except AdapterError as error:
@@ -96,33 +106,6 @@ async def say_word(request: ChildRequest) -> Finding:
 def word_for(language: str) -> str:
     """Return the word for a scenario's language; the English one if the language is unknown or not set."""
     return WORDS.get(language.lower().partition("-")[0], WORDS["en"])
-
-
-def needed_actions(scenario: Scenario) -> frozenset[str]:
-    """Return the robot's actions that a scenario can use, including free speech of a wizard.
-
-    An action of the engine does not count. An action that the robot replaces by another counts as that other one.
-    """
-    used = {call.type for act in scenario.acts.values() for action in act.actions for call in action.calls}
-    if not why_not_speak(scenario):
-        used.add(SPEECH)
-    actions = scenario.robot.actions
-    sent = {_sent_as(scenario.robot, name) for name in used if name in actions and not actions[name].engine}
-    return frozenset(name for name in sent if name in actions and actions[name].supported)
-
-
-def narrow_profile(profile: RobotProfile, needed: frozenset[str]) -> RobotProfile:
-    """Restrict a robot's profile to these actions, so that other missing actions do not matter."""
-    actions = {
-        name: spec if name in needed or spec.engine or spec.substitute is not None else replace(spec, supported=False)
-        for name, spec in profile.actions.items()
-    }
-    return replace(profile, actions=actions)
-
-
-def _sent_as(profile: RobotProfile, action: str) -> str:
-    spec = profile.actions.get(action)
-    return spec.substitute if spec is not None and spec.substitute is not None else action
 
 
 def _is_simulated(scenario: Scenario) -> bool:

@@ -17,11 +17,13 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.results.report.document import Document
 from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.engine.drivers import robot_warnings
 from rise_engine.run.protocol.client import AttachReply
 from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, start_engine
 from rise_engine.scenario.loader import load as load_scenario
+from rise_engine.scenario.model import SIMULATED
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import read_holder
@@ -153,6 +155,8 @@ class StudyFolder:
             title=scenario.title,
             mode=plan.mode,
             robot=scenario.robot.title or scenario.robot.name,
+            simulated=scenario.robot.driver == SIMULATED,
+            warnings=tuple(robot_warnings(scenario)),
             recorded=str(self._root),
             recorders=recorders_text(recording.settings),
             unrecorded=recording.remark,

@@ -73,6 +73,10 @@ class SessionPreview(Struct, frozen=True):
     """The participant's language in the study; empty: the study does not say."""
     warning: str = ""
     """A sentence that somebody else is next; empty: it is this participant's turn."""
+    simulated: bool = False
+    """Whether no robot moves, in any mode."""
+    warnings: tuple[str, ...] = ()
+    """Sentences about the robot, such as what F9 cannot stop."""
     unrecorded: str = ""
     """Why the study's recorders do not record all of it, as a sentence; empty: they do, or there are none."""
 

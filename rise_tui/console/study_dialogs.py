@@ -66,15 +66,16 @@ def plan_lines(
     condition = conditions.described(plan.run.condition) or "none in this study"
     if conditions.hidden and not plan.request.condition:
         condition = HIDDEN
-    real = plan.mode == "real"
+    real, moves = plan.mode == "real", "  no robot moves" if plan.simulated else "  the robot moves"
     counts: StyledSpan = (f"yes, slot {plan.slot}", "plain") if counted else (f"no: {plan.request.purpose}", "wait")
     lines: list[StyledLine] = [_line("out of turn", (text, "wait")) for text in wrap(plan.warning, TEXT) if text]
     language: StyledSpan = (f"   language {clean(plan.language)}" if plan.language else "", "strong")
     lines += [
         _line("participant", (plan_title(plan), "strong"), language),
         _line("condition", (condition, "muted" if condition == HIDDEN else "strong")),
-        _line("mode", (plan.mode.upper(), "wait" if real else "accent"), ("  the robot moves" * real, "plain")),
+        _line("mode", (plan.mode.upper(), "wait" if real else "accent"), (moves * real, "plain")),
         _line("robot", (plan.robot, "plain")),
+        *(_line("", (text, "wait")) for warning in plan.warnings for text in wrap(warning, TEXT)),
         _line("scenario", (plan.title, "plain")),
         _line("counts", counts),
         _line("recorded in", (abbreviate_home(plan.recorded), "plain")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -12,13 +13,12 @@ from rise_engine.checks.devices import (
     ANSWER_SECONDS,
     WORD_SECONDS,
     look_at_robot,
-    narrow_profile,
-    needed_actions,
     say_word,
     word_for,
 )
 from rise_engine.checks.outcome import Finding
 from rise_engine.ports.bridge import ProfileFinding
+from rise_engine.run.engine.drivers import narrow_profile, needed_actions, robot_warnings
 from rise_engine.scenario.loader import load
 from tests.checks.robots import ACTIONS, Lamp, scenario
 
@@ -44,6 +44,26 @@ async def test_what_nothing_stops_is_named(tmp_path: Path, monkeypatch: pytest.M
     assert found == Finding(True, "Lamp on a wire: 2 actions offered; F9 cannot stop Speech")
     said.append(ProfileFinding("no such field", "actions.Speech.carrier.message.x"))
     assert await look_at_robot(scenario(tmp_path / "two")) == Finding(False, reason="no such field")
+
+
+@pytest.mark.parametrize(
+    ("mode", "driver", "said"),
+    [
+        ("debug", "lamp", []),
+        ("real", "lamp", ["F9 cannot stop Speech: keep a hand on the robot's own switch"]),
+        ("real", "simulated", ["the mode is real, but the robot profile 'lamp' has only the simulated driver: "]),
+    ],
+)
+def test_what_people_know_of_the_robot_before_a_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: Any, driver: str, said: list[str]
+) -> None:
+    use(monkeypatch)
+    found = [ProfileFinding("cannot be stopped", "actions.Speech.carrier.topic", "unstoppable")]
+    monkeypatch.setattr("rise_engine.run.engine.drivers.profile_findings", lambda profile: found)
+    loaded = load(scenario(tmp_path).scenario, mode=mode).scenario
+    assert loaded is not None
+    told = robot_warnings(replace(loaded, robot=replace(loaded.robot, driver=driver)))
+    assert len(told) == len(said) and all(each.startswith(part) for each, part in zip(told, said, strict=True))
 
 
 async def test_one_that_is_not_there_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

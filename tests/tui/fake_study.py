@@ -165,6 +165,7 @@ class FakeStudy:
         self.attached: list[SessionEntry] = []
         self.recovered: list[SessionEntry] = []
         self.language, self.warning = "", ""
+        self.simulated, self.warnings = False, tuple[str, ...]()
         self.judged: list[tuple[SessionEntry, OutcomeStatus, str, str]] = []
         self.clients: list[FakeClient] = []
         self.reported: list[str] = []
@@ -213,6 +214,8 @@ class FakeStudy:
             language=self.language,
             warning=self.warning,
             unrecorded=self.unrecorded,
+            simulated=self.simulated,
+            warnings=self.warnings,
         )
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:

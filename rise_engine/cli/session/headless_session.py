@@ -25,7 +25,7 @@ from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goals
 from rise_engine.ports.bridge import Bridge
 from rise_engine.run.engine.clock import RealClock, SessionClock, VirtualClock
-from rise_engine.run.engine.drivers import make_robot, open_bridge, simulated_robot_warning
+from rise_engine.run.engine.drivers import make_robot, open_bridge, robot_warnings
 from rise_engine.run.engine.engine import MOST_LATE_SECONDS, Engine
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, start_remarks
@@ -112,8 +112,8 @@ class _HeadlessSession:
         for task in self.options.script:
             self._print_warning(task)
         engine.start()
-        warning = simulated_robot_warning(self.options.scenario.robot, self.options.scenario.mode)
-        for sentence in (*filter(None, [warning]), *start_remarks(self.options.scenario, self.started)):
+        scenario = self.options.scenario
+        for sentence in (*robot_warnings(scenario), *start_remarks(scenario, self.started)):
             print_notes(f"warning: {sentence}")
             engine.post(Note(text=sentence))
         for submit in self.options.session.first_tasks:

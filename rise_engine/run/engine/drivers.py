@@ -6,15 +6,19 @@ docs/reference/robots.md) names its driver. In debug mode the driver is always `
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib.metadata import EntryPoint
 from typing import Any, cast
+
+from msgspec.structs import replace
 
 from rise_engine.base.errors import AdapterError, RiseError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.plugins import find_plugin, installed_plugins
+from rise_engine.kernel.speech import SPEECH, why_not_speak
 from rise_engine.ports.bridge import Bridge, BridgeOpener, ProfileChecker, ProfileFinding, RosConnection
 from rise_engine.ports.robot import Clock, Driver, Robot
-from rise_engine.scenario.model import SIMULATED, Mode, RobotProfile
+from rise_engine.scenario.model import SIMULATED, Mode, RobotProfile, Scenario
 
 DRIVERS = "rise.drivers"
 BRIDGES = "rise.bridges"
@@ -137,11 +141,49 @@ def load_ros_plugin(group: str) -> Any:
     return _load_plugin(entry, "the ROS 2 bridge")
 
 
-def simulated_robot_warning(profile: RobotProfile, mode: Mode) -> str | None:
-    """Warn if the mode is real, but the robot is only simulated."""
-    if mode == "real" and profile.driver == SIMULATED:
-        return (
+def unstoppable_actions(findings: Iterable[ProfileFinding]) -> list[str]:
+    """Return the actions that nothing stops, among the findings about a profile."""
+    return [each.where.split(".")[1] for each in findings if each.kind == "unstoppable"]
+
+
+def robot_warnings(scenario: Scenario) -> list[str]:
+    """Return what people have to know of the robot before a real session: that it is only simulated, or what F9 cannot
+    stop on it. None for a rehearsal."""
+    profile = scenario.robot
+    if scenario.mode != "real":
+        return []
+    if profile.driver == SIMULATED:
+        return [
             f"the mode is real, but the robot profile {profile.name!r} has only the simulated driver: "
             "nothing leaves this machine and no robot moves"
-        )
-    return None
+        ]
+    found = unstoppable_actions(profile_findings(narrow_profile(profile, needed_actions(scenario))))
+    return [f"F9 cannot stop {', '.join(found)}: keep a hand on the robot's own switch"] if found else []
+
+
+def needed_actions(scenario: Scenario) -> frozenset[str]:
+    """Return the robot's actions that a scenario can use, including free speech of a wizard.
+
+    An action of the engine does not count. An action that the robot replaces by another counts as that other one.
+    """
+    used = {call.type for act in scenario.acts.values() for action in act.actions for call in action.calls}
+    if not why_not_speak(scenario):
+        used.add(SPEECH)
+    actions = scenario.robot.actions
+    sent = {sent_as(scenario.robot, name) for name in used if name in actions and not actions[name].engine}
+    return frozenset(name for name in sent if name in actions and actions[name].supported)
+
+
+def narrow_profile(profile: RobotProfile, needed: frozenset[str]) -> RobotProfile:
+    """Restrict a robot's profile to these actions, so that other missing actions do not matter."""
+    actions = {
+        name: spec if name in needed or spec.engine or spec.substitute is not None else replace(spec, supported=False)
+        for name, spec in profile.actions.items()
+    }
+    return replace(profile, actions=actions)
+
+
+def sent_as(profile: RobotProfile, action: str) -> str:
+    """Return the action that the robot does for an action of a scenario."""
+    spec = profile.actions.get(action)
+    return spec.substitute if spec is not None and spec.substitute is not None else action

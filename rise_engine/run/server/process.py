@@ -26,7 +26,7 @@ from rise_engine.kernel.records import (
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import RealClock
-from rise_engine.run.engine.drivers import driver_name_for, simulated_robot_warning
+from rise_engine.run.engine.drivers import driver_name_for, robot_warnings
 from rise_engine.run.engine.engine import END_SECONDS, Engine, versions
 from rise_engine.run.protocol.client import JournalStatus, Update
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -223,8 +223,7 @@ class _SessionProcess:
         engine.start()
         for report in self.prepared.options.checks:
             engine.post(report)
-        warning = simulated_robot_warning(engine.scenario.robot, engine.scenario.mode)
-        for sentence in (*filter(None, [warning]), *start_remarks(engine.scenario, self.prepared.started)):
+        for sentence in (*robot_warnings(engine.scenario), *start_remarks(engine.scenario, self.prepared.started)):
             engine.post(Note(text=sentence))
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)

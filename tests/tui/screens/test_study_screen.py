@@ -197,6 +197,15 @@ def test_what_records_the_session_besides_and_why_not(recorders: str, unrecorded
     assert [line for line in plan_of(source) if line.startswith(("recorded by", "nothing is", "(consent_"))] == lines
 
 
+def test_what_the_robot_does_is_said_before_a_real_session() -> None:
+    source = FakeStudy()
+    assert "mode         REAL  the robot moves" in plan_of(source)
+    source.simulated, source.warnings = True, ("F9 cannot stop Speech: keep a hand on the robot's own switch",)
+    shown = plan_of(source)
+    assert "mode         REAL  no robot moves" in shown
+    assert "F9 cannot stop Speech: keep a hand on the robot's own switch" in " ".join(shown)
+
+
 def test_who_is_out_of_turn_and_in_which_language() -> None:
     source = FakeStudy()
     source.language, source.warning = "de", "P07 (en) is next; you are about to open P08 (de)"
