@@ -239,7 +239,9 @@ def _answer_lines(stop: StopView | UnrecordedStop, key_name: KeyNames) -> list[S
     for words, parts in (("NOT CONFIRMED", stop.unconfirmed), ("CANNOT BE STOPPED", stop.unstoppable)):
         if parts:
             lines.append(((f"   {words}  ", "fault"), (group_parts(parts), "strong")))
-    return lines if len(lines) > 1 else [*lines, (("   every part has confirmed", "plain"),)]
+    if len(lines) > 1 or not stop.confirmed:
+        return lines
+    return [*lines, (("   every part has confirmed", "plain"),)]
 
 
 def _recording_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:

@@ -158,6 +158,7 @@ def full(client: FakeClient) -> None:
                 "CANNOT BE STOPPED  pepper: lamp",
             ],
         ),
+        ((lambda client: client.stop("latched"),), ["STOPPED", "confirmed      no part"]),
         ((full,), ["NOT RECORDING   no space", "the session is paused", "F9 still stops the robot"]),
         ((stopped,), ["STOPPED", "confirmed      pepper: speech   look at the robot; F9 asks again", "NOT CONFIRMED"]),
         (
