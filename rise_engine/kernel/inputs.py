@@ -96,7 +96,7 @@ class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
     unconfirmed: tuple[str, ...] = ()
     """With the reason in brackets: `pepper/speech (asked, no answer)`."""
     unstoppable: tuple[str, ...] = ()
-    """Parts that this session has used and that cannot be stopped."""
+    """Parts that cannot be stopped."""
 
 
 class EstopReport(Input, frozen=True, tag="estop", kw_only=True, gc=False):

@@ -175,7 +175,7 @@ class StopView(Struct):
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     unstoppable: tuple[str, ...] = ()
-    """Parts that this session has used and that cannot be stopped."""
+    """Parts that cannot be stopped."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
