@@ -358,6 +358,19 @@ def test_sessions_at_another_speed_say_so(study):
     assert all(name != "Speed" for name, _ in real.facts)
 
 
+def test_a_robot_that_did_not_move_is_told_with_its_faults(study):
+    state = read_state(study)
+    figures = study_figures(read_sessions(sessions_of(study)))
+    number = len(figures.complete)
+    faults = ("Speech=slow", "PointAt=fail@1")
+    rows = (replace(row, facts=replace(row.facts, injected_faults=faults)) for row in figures.rows)
+    given = StudyReportInput(state.study, state.standing, StudyFigures(tuple(rows)))
+    known = " ".join(text for item in given.sheet for text in item.known)
+    assert f"generic (simulated: no robot moved) in {number} sessions." in known
+    assert f"Faults were injected in {number} sessions: Speech=slow, PointAt=fail@1." in known
+    assert "faults injected: Speech=slow; PointAt=fail@1" in " ".join(text_lines(study_report(given)))
+
+
 def test_mode_and_banner_are_those_of_the_sessions_and_not_of_study_toml(study):
     state = read_state(study)
     assert state.study.mode == "real"
