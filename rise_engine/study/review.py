@@ -152,7 +152,7 @@ def _review_log(
         _check_plan(study, planned, plan, diagnostics)
     if planned is None and loaded.study is not None and study.assignment.between == "blocks":
         for problem in block_problems(study, make_plan(study)):
-            diagnostics.warning("uneven-blocks", SourceLocation(STUDY_FILE), problem)
+            diagnostics.warning("uneven-blocks", loaded.n_location, problem)
     if planned is not None:
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
     if PARTICIPANTS_FILE not in left_out and not people.errors:

@@ -72,6 +72,8 @@ class StudyLoad(Struct, frozen=True):
     """The study's scenarios without errors, by absolute folder."""
     draft: Study | None = None
     """What could be read despite errors, for checks of other files. None: nothing."""
+    n_location: SourceLocation = SourceLocation(STUDY_FILE)
+    """Where study.toml gives the number of participants."""
     unsure: frozenset[str] = frozenset()
     """The keys and tables of study.toml that have errors, so that their meaning is unknown."""
 
@@ -124,7 +126,7 @@ def _load(folder: Path, held: Held | None, *, check_scenarios: bool) -> StudyLoa
         check_levels(study, reader.table, scenarios)
     found = [*diagnostics.sorted(), *others]
     failed = any(diagnostic.severity == "error" for diagnostic in found)
-    return StudyLoad(None if failed else study, found, scenarios, study, unsure)
+    return StudyLoad(None if failed else study, found, scenarios, study, reader.table.value_location("n"), unsure)
 
 
 def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[str]:

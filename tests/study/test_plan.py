@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from hashlib import sha256
 from itertools import pairwise
 from math import ceil
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -20,8 +21,10 @@ from rise_engine.study.design import cells, condition_name, runs, strata_of, str
 from rise_engine.study.model import Slot, Study, WithinMethod
 from rise_engine.study.plan import make_plan, parse_condition, planned_run, runs_of
 from rise_engine.study.plan_file import plan_text
+from rise_engine.study.review import review_study
 from tests.chance import examples
 from tests.study.designs import make_study
+from tests.study.studies import DESIGN, write_study
 
 SIZES = st.integers(2, 3)
 STUDIES = st.builds(
@@ -388,6 +391,13 @@ def test_with_strata_nobody_knows_which_cells_have_one_more() -> None:
 )
 def test_blocks_that_fit_are_proposed(study: Study, block: tuple[int, ...]) -> None:
     assert with_blocks_that_fit(study).assignment.block == block
+
+
+def test_blocks_that_do_not_fit_are_warned_about_at_the_number_of_participants(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN.replace("spare = 0.5", "spare = 0.5\nblock = [5]"), plan=False)
+    warning, *_ = [each for each in review_study(tmp_path).diagnostics if each.code == "uneven-blocks"]
+    line = DESIGN.splitlines().index("n = 4") + 1
+    assert (warning.location.file, warning.location.line, warning.location.column) == ("study.toml", line, 5)
 
 
 @pytest.mark.parametrize("seed", range(1, 9))
