@@ -59,6 +59,13 @@ class ClockLoop:
         while (due := self.clock.next_at) is not None and due <= when:
             self.clock.advance()
 
+    def stand_still(self, seconds: float) -> None:
+        """Be blocked for so long, while everything else goes on, and run what is due then. Time is wrong afterwards."""
+        now = self.clock.now
+        self.clock.now = lambda: now() + seconds  # type: ignore[method-assign]
+        for _ in range(60):
+            self.clock.advance()
+
     def call_soon(self, callback: Callable[..., object], *args: Any) -> object:
         return self.call_later(0.0, callback, *args)
 

@@ -181,6 +181,18 @@ def test_a_call_is_not_sent_where_nobody_would_answer_it_or_two_would() -> None:
     assert robot.log("Speech") == []
 
 
+def test_a_call_that_waited_is_not_made_after_a_standstill() -> None:
+    robot = Zora(serving=False)
+    robot.start("a", "Speech", message="Hi")
+    robot.run(1)
+    robot.serve()
+    robot.loop.stand_still(60)
+    assert [(name, status, reason.partition(":")[0]) for name, status, reason in robot.endings()] == [
+        ("a", "failed", "standstill")
+    ]
+    assert robot.log("Speech") == []
+
+
 def test_a_call_whose_time_is_over_for_the_kernel() -> None:
     robot = Zora("Speech=hang")
     robot.start("a", "Speech", message="Hi")

@@ -607,6 +607,25 @@ def test_what_is_remembered_has_bounds() -> None:
     assert sum(report.status == "succeeded" for report in robot.of(ActionReport)) == 1200
 
 
+# --- a session that stands still ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["Speech", "Emotion"])
+def test_what_waited_does_not_begin_after_a_standstill(kind: str) -> None:
+    robot = Eyes(listening=False)
+    robot.far.close()
+    robot.run(6)
+    robot.start("1/a", kind, **{"message": "Hello"} if kind == "Speech" else {"value": "happy"})
+    robot.run(7)
+    robot.far = MemoryTransport(robot.wire, robot.loop, "/robot")
+    robot.serve()
+    robot.listen()
+    robot.loop.stand_still(60)
+    (end,) = robot.of(ActionReport)
+    assert (end.status, end.reason.split(":")[0]) == ("failed", "standstill")
+    assert robot.servers[SPEECH].received == [] and robot.seen == []
+
+
 # --- closing --------------------------------------------------------------------------------------------------------
 
 

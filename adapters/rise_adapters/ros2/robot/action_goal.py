@@ -191,6 +191,8 @@ class ActionGoal:
         held = self._host.why_held()
         if endpoint.misfit:
             self._end("failed", endpoint.misfit)
+        elif endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
+            self._end(*endings.of_late_start(now - self._deadline))
         elif endpoint.is_ready and not held:
             self._send()
         elif held and now >= self._deadline:

@@ -126,6 +126,8 @@ class TopicGoal:
             held = self._host.why_held()
             if self.endpoint.misfit:
                 self._end("failed", self.endpoint.misfit)
+            elif self.endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
+                self._end(*endings.of_late_start(now - self._deadline))
             elif self.endpoint.is_ready and not held:
                 self._publish()
             elif now >= self._deadline:
@@ -288,6 +290,8 @@ class ServiceGoal:
             held = self._host.why_held()
             if endpoint.misfit:
                 self._end("failed", endpoint.misfit)
+            elif endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
+                self._end(*endings.of_late_start(now - self._deadline))
             elif endpoint.is_ready and not held:
                 self._call()
             elif now >= self._deadline:
