@@ -137,6 +137,9 @@ class Robot(Protocol):
         """Stop one action, even if it has only just been started. It then reports its ending: `canceled`, or whatever
         happened to it meanwhile. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
 
+        The engine also calls it for what it has ended itself, as timed out or lost: whatever has not gone out yet must
+        never go out, and what may still run is stopped.
+
         :param action: as in `goal.action`. Nothing happens for an action that has ended, or was never started.
         """
         ...
