@@ -316,15 +316,16 @@ def test_what_is_seen_and_cannot_be_reached_is_not_called_missing() -> None:
     )
 
 
-def test_actions_that_go_one_way_have_one_quality_of_service() -> None:
+@pytest.mark.parametrize(("key", "value"), [("qos", {"depth": 1}), ("reset", {"level": 1}), ("reset", {})])
+def test_actions_that_go_one_way_have_one_quality_of_service_and_one_reset(key: str, value: Any) -> None:
     carrier = {"topic": "lab/led", "type": "lab_msgs/msg/Led"}
     specs = core_actions()
     actions = {
         "Emotion": replace(specs["Emotion"], carrier=carrier),
-        "SocialExpression": replace(specs["SocialExpression"], carrier={**carrier, "qos": {"depth": 1}}),
+        "SocialExpression": replace(specs["SocialExpression"], carrier={**carrier, key: value}),
     }
     assert bridges.mapping_problems(RobotProfile("tin", "Tin", "ros2", actions)) == [
-        "robot tin: `actions.SocialExpression.carrier.qos` differs from that of Emotion, which goes to lab/led too; "
+        f"robot tin: `actions.SocialExpression.carrier.{key}` differs from that of Emotion, which goes to lab/led too; "
         "give both the same"
     ]
 

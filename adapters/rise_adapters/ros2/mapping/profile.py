@@ -70,7 +70,7 @@ def _read(
         mapping = ActionReader(_write_out_carrier(spec, options), options, types, mistakes, profile.places).read()
         if mapping is not None:
             mappings[name] = mapping
-            _check_qos(name, mappings, mistakes)
+            _check_shared(name, mappings, profile.actions, mistakes)
     _check_places(profile, mistakes)
     return mappings, mistakes
 
@@ -90,18 +90,25 @@ def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
                 mistakes.add(f"places.{name}.{key}", f"is used by no carrier{did_you_mean(key, taken)}", "doubtful")
 
 
-def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
+def _check_shared(
+    name: str, mappings: Mapping[str, ActionMapping], specs: Mapping[str, ActionSpec], mistakes: ProfileMistakes
+) -> None:
     """Check that actions with the same route want the same quality of service, because they share a subscription or
-    publisher. `name`: the action that was read last."""
+    publisher, and the same reset, because only the last message on a topic is taken back. `name`: the action that was
+    read last."""
     mapping = mappings[name]
     for other, before in mappings.items():
-        if before.route == mapping.route and (
-            (before.topic_qos, before.feedback_qos, before.status_qos)
-            != (mapping.topic_qos, mapping.feedback_qos, mapping.status_qos)
-        ):
-            where = f"actions.{name}.carrier.qos"
-            mistakes.add(where, f"differs from that of {other}, which goes to {mapping.name} too; give both the same")
-            return
+        if other == name or before.route != mapping.route:
+            continue
+        qos = [(each.topic_qos, each.feedback_qos, each.status_qos) for each in (before, mapping)]
+        resets = [specs[each].carrier.get("reset") for each in (other, name)]
+        for key, (theirs, own) in (("qos", qos), ("reset", resets)):
+            if theirs != own:
+                where = f"actions.{name}.carrier.{key}"
+                mistakes.add(
+                    where, f"differs from that of {other}, which goes to {mapping.name} too; give both the same"
+                )
+        return
 
 
 @cache
