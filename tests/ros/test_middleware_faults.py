@@ -134,6 +134,18 @@ def test_a27_the_middleware_is_shut_down() -> None:
     bench.check()
 
 
+def test_a27_the_connection_is_made_anew_before_the_loss_is_noticed() -> None:
+    bench = Bench([LONG], [LONG])
+    bench.act("Both")
+    bench.run(1)
+    bench.transport.break_down("the context was shut down")
+    bench.robot.switch_transport(MemoryTransport(bench.wire, bench.loop, "/engine_again"))
+    bench.run(3)
+    assert bench.robot_statuses() == ["connected", "lost", "connected"]
+    assert not bench.speech.running() and not bench.gaze.running(), "what went on without us is stopped"
+    bench.check()
+
+
 def test_a27_the_new_connection_is_gone_before_it_is_used() -> None:
     bench = Bench([LONG, Plan()], [LONG])
     bench.act("Both")

@@ -265,11 +265,6 @@ class ActionGoal:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting" or self._sends > 0))
 
-    def move_to(self, endpoint: ActionEndpoint) -> None:
-        """Use another connection to its server from now on."""
-        self.endpoint = endpoint
-        self.cancellation.tries = 0
-
     # --- from the wire ------------------------------------------------------------------------------------------
 
     def take_feedback(self) -> None:

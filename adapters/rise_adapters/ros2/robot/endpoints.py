@@ -6,8 +6,9 @@ ROS 2 does not tell a client when a server dies, so polling finds all of this, s
 from __future__ import annotations
 
 import logging
-from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from typing import Literal, Protocol, TypeAlias
 
 from rise_adapters.ros2 import compatibility
@@ -15,6 +16,8 @@ from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.compatibility import EndpointComparison
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
+from rise_adapters.ros2.robot.listeners import FINDING_SECONDS, LEASE_SECONDS, Listeners
+from rise_adapters.ros2.robot.presence import ServerPresence
 from rise_adapters.ros2.transport.port import (
     Message,
     PortError,
@@ -23,68 +26,6 @@ from rise_adapters.ros2.transport.port import (
     Transport,
 )
 from rise_engine.ports.robot import Clock
-
-# --- presence ---------------------------------------------------------------------------------------------------------
-
-SETTLING_SECONDS = 0.5
-"""Seconds that an endpoint must stay after a loss before it gets anything, doubled with each further loss ..."""
-MAX_SETTLING_SECONDS = 8.0
-UNSTEADY_SECONDS = 30.0
-"""... within this many seconds. A server that restarts twenty times in ten seconds is reported once."""
-
-
-class ServerPresence:
-    """The number of servers (or listeners), since when, and how often it has changed."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._losses: deque[float] = deque(maxlen=64)
-        self._settled_at = 0.0
-        self.count = 0
-        """The present number."""
-        self.was_seen = False
-        """Whether it ever existed."""
-        self.appeared_at = 0.0
-        """Session time in seconds."""
-        self.changes = 0
-        """How often the number has changed: another server may have answered an earlier request."""
-        self.appeared_twice = False
-        """Whether there were several when it appeared. (One that joins later may replace one that has just died, which
-        DDS continues to show for ten seconds.)"""
-
-    def update(self, count: int) -> bool:
-        """Take in the present number. True when the last one has just gone."""
-        before, self.count = self.count, count
-        now = self._clock.now()
-        if count != before:
-            self.changes += 1
-        if count and not before:
-            self.was_seen = True
-            self.appeared_at = now
-            self.appeared_twice = count > 1
-            losses = self.recent_losses
-            seconds = min(SETTLING_SECONDS * 2 ** (losses - 1), MAX_SETTLING_SECONDS) if losses else 0.0
-            self._settled_at = now + seconds
-        elif before and not count:
-            self._losses.append(now)
-            return True
-        elif count == 1:
-            self.appeared_twice = False
-        return False
-
-    @property
-    def recent_losses(self) -> int:
-        """How often it has gone recently."""
-        since = self._clock.now() - UNSTEADY_SECONDS
-        while self._losses and self._losses[0] < since:
-            self._losses.popleft()
-        return len(self._losses)
-
-    @property
-    def is_settled(self) -> bool:
-        """Whether it is there, and has been for long enough."""
-        return self.count > 0 and self._clock.now() >= self._settled_at
-
 
 _LOG = logging.getLogger(__name__)
 
@@ -119,6 +60,8 @@ class OpenOne(Protocol):
     def why_open(self) -> str: ...
 
 
+NOT_HEARD = "it may not have heard that it should stop"
+
 UNLISTED_SECONDS = 1.0
 """Seconds after its appearance in which every part of an endpoint must be seen and compared before it gets anything.
 Parts that the middleware has not listed by then will not be listed."""
@@ -128,6 +71,7 @@ class _ComparedEndpoint:
     """Whether there is another side, and the result of `compatibility` about it."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
+        """Raises PortError."""
         self.name = transport.resolve(mapping.name)
         """The full name of the action or topic."""
         self.label = label
@@ -142,6 +86,31 @@ class _ComparedEndpoint:
         self._clock = clock
         self._compared_version: int | None = None
         """The version of the graph (`Transport.graph_version`) at the last comparison."""
+        self._open()
+
+    def _open(self) -> None:
+        """Open what it needs on its transport. Raises PortError."""
+        raise NotImplementedError
+
+    def poll(self, count: int | None = None) -> bool:
+        """Check whether it is there, or use the given count. True when it has just gone."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+    def move_to(self, transport: Transport) -> None:
+        """Go on over another transport, on which nothing has been seen yet. Raises PortError."""
+        self.poll(0)
+        self.close()
+        self._transport, self._compared_version = transport, None
+        self.comparison = EndpointComparison()
+        self._open()
+
+    @property
+    def others(self) -> object:
+        """Who is on the other side; a change of it is a change for the goals there."""
+        return self.presence.count
 
     def compare(self) -> bool:
         """Compare the other side with the profile, unless nothing has changed since the last time. This runs before
@@ -211,16 +180,24 @@ class ActionEndpoint(_ComparedEndpoint):
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        feedback, status = mapping.feedback_wanted, mapping.status_qos
-        self.client = ActionClient(
-            transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
-        )
-        self.lifecycle = LifecycleWatch(transport, clock.now)
         self.was_heard = False
         """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
         self._status_found_at: float | None = None
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
+
+    def _open(self) -> None:
+        mapping, now = self._mapping, self._clock.now
+        feedback, status = mapping.feedback_wanted, mapping.status_qos
+        self.client = ActionClient(
+            self._transport, mapping.name, mapping.type, now=now, feedback=feedback, status=status
+        )
+        self.lifecycle = LifecycleWatch(self._transport, now)
+
+    def move_to(self, transport: Transport) -> None:
+        before = self.client
+        super().move_to(transport)
+        self.client.on_feedback, self.client.on_status = before.on_feedback, before.on_status
 
     def poll(self, count: int | None = None) -> bool:
         """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
@@ -308,35 +285,133 @@ class ActionEndpoint(_ComparedEndpoint):
 
 
 class TopicEndpoint(_ComparedEndpoint):
-    """One topic that a part of the robot listens to."""
+    """One topic that a part of the robot listens to. Its last message counts, and the profile's `reset` takes it back.
 
-    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
-        """Raises PortError."""
+    While no order stands, whoever may have one is told the reset as soon as it listens (`Listeners`).
+    """
+
+    def __init__(
+        self,
+        label: str,
+        transport: Transport,
+        mapping: ActionMapping,
+        clock: Clock,
+        make_reset: Callable[[str], Message | None],
+    ) -> None:
+        """`make_reset`: the present message that takes an order back; gets the name of its goal, or nothing. (A base
+        ignores old stamps.) Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
-        self.user: object | None = None
-        """The goal that published last. Only its end takes the message back."""
-        self.reset_by: object | None = None
-        """The goal whose end took back the last message."""
+        self.user: OpenOne | None = None
+        """The goal whose order stands: it published last, and its message was not taken back."""
+        self.reset_by: OpenOne | None = None
+        """The goal whose order was taken back last."""
         self.is_stoppable = mapping.stoppable
         """Whether a message can stop what was requested."""
         self.is_harmless = mapping.harmless
         self.unstopped: OpenOne | None = None
         """The last publisher's goal if it has ended and nothing can stop its request."""
+        self._listeners = Listeners(clock.now)
+        self._make_reset = make_reset
+        self._is_lossy = False
+        """Whether a message may be lost on its way to somebody who listens."""
+        self._taken_back_at = self._reset_at = -inf
+        """When a reset was first published after the last order, and when it was published last."""
+        self._warned_of = ""
+
+    def _open(self) -> None:
+        mapping = self._mapping
+        self.publisher: Publisher = self._transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
 
     def poll(self, count: int | None = None) -> bool:
-        return self.presence.update(self.publisher.count_subscribers() if count is None else count)
+        gone = self.presence.update(self.publisher.count_subscribers() if count is None else count)
+        found = self.find_listeners() if self.presence.count else frozenset()
+        self._listeners.update(found, stands=self.user is not None, latched=self._mapping.topic_qos.latched)
+        return gone
 
-    def listeners(self) -> frozenset[bytes]:
-        """The programs that listen now (`RemoteEndpoint.program`), as far as they can be distinguished."""
-        return frozenset(each.program for each in self._transport.subscriber_endpoints(self.name)) - {b""}
+    @property
+    def others(self) -> object:
+        return self.presence.count, self._listeners.present
 
-    def publish(self, message: Message) -> None:
-        """Publish a message that needs no answer and may be lost."""
+    def find_listeners(self) -> frozenset[bytes]:
+        """The programs that listen at this moment and may do something; those without an id are numbered."""
+        own = self._mapping.topic_qos
+        ends = [
+            end
+            for end in self._transport.subscriber_endpoints(self.name)
+            if end.type == self._mapping.type and not compatibility.qos_conflict(own, end.qos)
+        ]
+        unknown = 0 if ends else self.publisher.count_subscribers()
+        ends = [end for end in ends if not _only_looks_on(end.node)]
+        self._is_lossy = not own.reliable or any(end.qos is not None and not end.qos.reliable for end in ends)
+        unknown += sum(not end.program for end in ends)
+        return frozenset(end.program for end in ends if end.program) | {b"%d" % number for number in range(unknown)}
+
+    def order(self, goal: OpenOne, message: Message) -> frozenset[bytes]:
+        """Publish a goal's message, which now stands. Returns the programs that listen. Raises PortError."""
+        self.publisher.publish(message)
+        found = self.find_listeners()
+        self._listeners.order(found, stands=self.user is not None)
+        self.user, self.reset_by = goal, None
+        return found
+
+    def adopt(self, goal: OpenOne) -> None:
+        """Note that the order of an earlier engine stands."""
+        self.user = goal
+        self._listeners.adopt()
+
+    def take_back(self, goal: OpenOne) -> None:
+        """Publish the reset, at a goal's end."""
+        self.user, self.reset_by = None, goal
+        self._taken_back_at = self._clock.now()
+        self._publish_reset()
+
+    def begin_stop(self) -> None:
+        """Tell everybody again, because others may have published something, too."""
+        self._listeners.forget_told()
+        self._taken_back_at = self._clock.now()
+
+    def tell(self, *, everybody: bool) -> None:
+        """Publish the reset again if somebody listens that may not have heard it. `everybody`: also for those who have
+        no order of ours."""
+        if self.user is not None or not self.is_stoppable or not (everybody or self._listeners.have_order):
+            return
+        now, since = self._clock.now(), self._taken_back_at
+        is_repeated = (  # less and less often
+            self._is_lossy
+            and now < since + LEASE_SECONDS
+            and now >= self._reset_at + max(FINDING_SECONDS, self._reset_at - since)
+        )
+        if self._listeners.untold or (is_repeated and self._listeners.present):
+            self._publish_reset()
+
+    def release(self, goal: OpenOne) -> None:
+        """Note that a person says that what the goal has ordered is over."""
+        if self.user is goal or self.reset_by is goal:
+            self.user = self.reset_by = None
+            self._listeners.write_off()
+
+    def is_open(self, goal: OpenOne) -> bool:
+        """Whether somebody may still do what an ended goal has ordered."""
+        return self.user is goal or (self.reset_by is goal and self.is_owed)
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether somebody may not have heard the reset."""
+        return self._listeners.is_owed
+
+    def _publish_reset(self) -> None:
+        reset = self._make_reset(self.reset_by.action if self.reset_by is not None else "")
+        if reset is None:
+            return
+        self._reset_at = self._clock.now()
         try:
-            self.publisher.publish(message)
+            self.publisher.publish(reset)
         except PortError as error:
-            _LOG.warning("nothing can be published on %s: %s", self.name, error)
+            if str(error) != self._warned_of:
+                self._warned_of = str(error)
+                _LOG.warning("nothing can be published on %s: %s", self.name, error)
+        else:
+            self._listeners.tell()
 
     @property
     def trouble(self) -> str:
@@ -348,13 +423,16 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher.close()
 
 
+def _only_looks_on(node: str) -> bool:
+    """Whether a node only records or shows messages: a bag's, or a hidden one, such as that of `ros2 topic echo`."""
+    return node.rpartition("/")[2].startswith(("rosbag2_", "_"))
+
+
 class ServiceEndpoint(_ComparedEndpoint):
     """One service of the robot."""
 
-    def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
-        """Raises PortError."""
-        super().__init__(label, transport, mapping, clock)
-        self.client: ServiceClient = transport.client(mapping.name, mapping.type)
+    def _open(self) -> None:
+        self.client: ServiceClient = self._transport.client(self._mapping.name, self._mapping.type)
 
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.client.count_servers() if count is None else count)

@@ -87,10 +87,11 @@ class Ros2Robot:
         self._estop: EstopInput | None = None
         self._adopted: list[Goal] = []
         """Goals that an earlier engine may have left running."""
-        self._open_endpoints(transport)
-
-    def _open_endpoints(self, transport: Transport) -> None:
         self._transport = transport
+        self._make_endpoints()
+
+    def _make_endpoints(self) -> None:
+        transport = self._transport
         names = {action: transport.resolve(mapping.name) for action, mapping in self._mappings.items()}
         labels = short_labels(self._profile.name, list(dict.fromkeys(names.values())))
         endpoint_of: dict[str, Endpoint] = {}
@@ -101,7 +102,9 @@ class Ros2Robot:
             key = names[action], mapping.type
             if key not in made:
                 made[key] = self._make_endpoint(mapping, labels[names[action]])
-            endpoint_of[action] = made[key]
+            endpoint_of[action] = shared = made[key]
+            if isinstance(shared, TopicEndpoint):
+                shared.is_harmless = shared.is_harmless and mapping.harmless
         self._endpoint_of = endpoint_of
         """By the action's name in the profile; actions may share one."""
         self._endpoints = tuple(made.values())
@@ -109,7 +112,8 @@ class Ros2Robot:
 
     def _make_endpoint(self, mapping: ActionMapping, label: str) -> Endpoint:
         if mapping.kind == "topic":
-            return TopicEndpoint(label, self._transport, mapping, self.clock)
+            make_reset = partial(self._make_reset, mapping)
+            return TopicEndpoint(label, self._transport, mapping, self.clock, make_reset)
         if mapping.kind == "service":
             return ServiceEndpoint(label, self._transport, mapping, self.clock)
         endpoint = ActionEndpoint(label, self._transport, mapping, self.clock)
@@ -206,8 +210,7 @@ class Ros2Robot:
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
         if isinstance(endpoint, TopicEndpoint):
-            make_reset = partial(mapping.make_reset, node=node, goal=goal.action, frame=frame)
-            return TopicGoal(self, endpoint, goal, mapping, make_message, make_reset)
+            return TopicGoal(self, endpoint, goal, mapping, make_message)
         limit = limit_seconds(self._profile.actions[goal.type], goal.parameters)
         if isinstance(endpoint, ServiceEndpoint):
             return ServiceGoal(self, endpoint, goal, mapping, make_message, limit)
@@ -225,25 +228,19 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.abandon()
         self._poll_endpoints()
-        busy = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is not None]
+        topics = [each for each in self._endpoints if isinstance(each, TopicEndpoint)]
+        for topic in topics:
+            topic.begin_stop()
         for goal in tuple(self._goals.values()):
             goal.cancel()
-
-        def tell_topic(endpoint: TopicEndpoint) -> None:
-            if endpoint not in busy:  # there, the goals do it
-                self._reset_topic(endpoint)
-
-        self._stop = StopAll(
-            self.clock, self._endpoints, self._find_goals, tell_topic, lambda report: self._report(report)
-        )
+        for topic in topics:
+            topic.tell(everybody=True)
+        self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
         self._stop.begin()
 
-    def _reset_topic(self, endpoint: TopicEndpoint) -> None:
-        """Take back everything on a topic, also what others have published there."""
-        for action, its in self._endpoint_of.items():
-            reset = self._mappings[action].make_reset(node=self._transport.node, goal="", frame=self._frame)
-            if its is endpoint and reset is not None:
-                endpoint.publish(reset)
+    def _make_reset(self, mapping: ActionMapping, goal: str) -> Message | None:
+        """What takes back everything on a topic, also what others have published there."""
+        return mapping.make_reset(node=self._transport.node, goal=goal, frame=self._frame)
 
     def last_seen(self) -> float | None:
         """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""
@@ -276,16 +273,11 @@ class Ros2Robot:
         """
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
-        actions = {endpoint: action for action, endpoint in self._endpoint_of.items()}
-        before = self._endpoints
-        self._open_endpoints(transport)
-        close_all(before)
-        for endpoint in before:
-            self._endpoint_of[actions[endpoint]].open = endpoint.open
-        for goal in self._by_id.values():
-            moved = self._endpoint_of[actions[goal.endpoint]]
-            assert isinstance(moved, ActionEndpoint)
-            goal.move_to(moved)
+        self._transport = transport
+        for endpoint in self._endpoints:
+            endpoint.move_to(transport)
+        if self._stop is not None:  # what is found there is asked, too
+            self.stop_all()
         self._open_estop()
         self._poll()
 
@@ -379,12 +371,14 @@ class Ros2Robot:
         changed: list[tuple[Endpoint, bool]] = []
         turn = next(self._turn, None) if some is None else None
         for endpoint in self._endpoints if some is None else some:
-            before = endpoint.presence.count
+            before = endpoint.others
             gone = endpoint.poll(0 if lost else None)
-            if endpoint.presence.count != before:
-                changed.append((endpoint, gone))
-            if not lost and (endpoint is turn or endpoint.presence.count != before or not endpoint.comparison.complete):
+            if not lost and (endpoint is turn or endpoint.others != before or not endpoint.comparison.complete):
                 self._compare_endpoint(endpoint)
+            if endpoint.others != before:
+                changed.append((endpoint, gone))
+            if isinstance(endpoint, TopicEndpoint):
+                endpoint.tell(everybody=self._stop is not None)
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":

@@ -5,7 +5,8 @@ the engine, but the robot may go on until it answers. Until then, nothing else i
 
 A topic carries an action as a message, sent once or at a rate. The action takes its expected time, and the profile's
 reset takes it back. Nobody answers on a topic, so a listener counts as acceptance, and the end of the time as success.
-A reset that nothing may have heard is published again when something listens; until then, the goal is open.
+The goal is open until whoever has its message has heard the reset (`Listeners`). A message that is repeated goes to
+those who listened at its start and to nobody else, because a base that comes up must not begin in the middle.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from math import inf
 
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
-from rise_adapters.ros2.robot.endpoints import ServiceEndpoint, TopicEndpoint
+from rise_adapters.ros2.robot.endpoints import NOT_HEARD, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.base.suspend import suspended_seconds
@@ -23,11 +24,6 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.ports.robot import Timer
 
 # --- topics -----------------------------------------------------------------------------------------------------------
-
-LEASE_SECONDS = 30.0
-"""If the listener goes so many seconds after a reset, it may have been cut off before: middleware notices late (Cyclone
-DDS after 10 s, Fast DDS after 20 s)."""
-
 
 STANDSTILL_SECONDS, STANDSTILL_PERIODS = 1.0, 3.0
 """After a longer pause between two repetitions, in seconds and in periods, the goal ends."""
@@ -43,9 +39,7 @@ class TopicGoal:
         goal: StartAction,
         mapping: ActionMapping,
         make_message: Callable[[], Message],
-        make_reset: Callable[[], Message | None],
     ) -> None:
-        """`make_reset`: the message for its end, if any."""
         self.action = goal.action
         self.type = goal.type
         self.phase: Phase = "waiting"
@@ -53,12 +47,6 @@ class TopicGoal:
         self.endpoint = endpoint
         self._host = host
         self._make_message = make_message
-        self._make_reset = make_reset
-        self._reset_at = -inf
-        """When the reset was published, in seconds of session time."""
-        self._is_reset_due = False
-        """Whether it must be published again, because nothing may have heard it."""
-        self._is_adopted = False
         self._is_stoppable = mapping.stoppable
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
@@ -66,7 +54,7 @@ class TopicGoal:
         self._suspended = 0.0
         """`suspended_seconds` at that time."""
         self._listeners: frozenset[bytes] = frozenset()
-        """The programs that listened when it began, if the message is repeated."""
+        """The programs that its message goes to."""
         self._repeat: Timer | None = None
         self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
@@ -74,8 +62,10 @@ class TopicGoal:
     def adopt(self, *, accepted: bool) -> None:
         """Take over a message that an earlier engine has published; it ends when it is reset."""
         self.phase = "ended"
-        self.may_be_running = self._is_adopted = True
-        if not self._is_stoppable:
+        self.may_be_running = True
+        if self._is_stoppable:
+            self.endpoint.adopt(self)
+        else:
             self._leave_unstopped()
         self._host.on_goal_changed(self)
 
@@ -86,9 +76,9 @@ class TopicGoal:
         self.endpoint.unstopped = self
 
     def cancel(self) -> None:
-        if self.phase == "ended" and self.may_be_running and self._is_stoppable:
-            self._take_back()
-            self._host.on_goal_changed(self)
+        if self.phase == "ended" and self.endpoint.is_open(self):
+            self.endpoint.take_back(self)
+            self._check_open()
         elif self.phase == "waiting":
             self._end("canceled", "it had not been sent yet")
         elif self.phase == "running":
@@ -103,18 +93,18 @@ class TopicGoal:
         return self._is_stoppable
 
     def release(self) -> None:
-        self.may_be_running = self._is_reset_due = False
+        self.endpoint.release(self)
+        self.may_be_running = False
         self._host.on_goal_changed(self)
 
     def why_open(self) -> str:
         if not self._is_stoppable:
             return "its topic cannot be stopped"
-        if self._is_adopted and not self._is_reset_due:
-            return "an engine that has gone began it"
-        return "it may not have heard that it should stop"
+        is_adopted = self.phase == "ended" and self.endpoint.user is self
+        return "an engine that has gone began it" if is_adopted else NOT_HEARD
 
     def is_live(self) -> bool:
-        return self.phase != "ended" or self._is_reset_due
+        return self.phase != "ended" or (self.may_be_running and self._is_stoppable)
 
     def next_deadline(self) -> float:
         return self._deadline if self.phase != "ended" else inf
@@ -132,88 +122,92 @@ class TopicGoal:
                 self._publish()
             elif now >= self._deadline:
                 self._end("failed", held or f"server-missing: {endings.describe_missing(self.endpoint)}")
-        elif self.phase == "running" and self._listeners - self.endpoint.listeners():
-            self.on_server_gone()
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
-        elif self._is_reset_due and self.endpoint.presence.count:
-            self._take_back()
-            self._host.on_goal_changed(self)
+        elif self.phase == "ended":
+            self._check_open()
 
     def on_server_gone(self) -> None:
         if self.phase == "running":
             self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
-        elif self.endpoint.reset_by is self and self._host.clock.now() < self._reset_at + LEASE_SECONDS:
-            self.may_be_running = self._is_reset_due = True
-            self._host.on_goal_changed(self)
+        elif self.phase == "ended":
+            self._check_open()
 
     def on_server_changed(self) -> None:
-        """Do nothing: `poll` publishes a reset that is due."""
+        if self.phase == "running" and self._rate and self.endpoint.user is self:
+            self._check_listeners()
+        elif self.phase == "ended":
+            self._check_open()
+
+    def _check_listeners(self) -> bool:
+        """End it if others listen than at its start. Returns whether they are the same."""
+        now = self.endpoint.find_listeners()
+        if self._listeners - now:
+            self.on_server_gone()
+        elif now != self._listeners:  # somebody may stand at the switch of a base that has just come up
+            name = self.endpoint.name
+            self._end("aborted", f"server-restarted: something else listens to {name} now, and must not begin midway")
+        return now == self._listeners
+
+    def _check_open(self) -> None:
+        """Look whether somebody may still be doing it, after its end."""
+        is_open = self.endpoint.is_open(self)
+        if self._is_stoppable and is_open != self.may_be_running:
+            self.may_be_running = is_open
+            self._host.on_goal_changed(self)
 
     def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
 
     def _publish(self) -> None:
-        if not self._send():
+        try:
+            self._send()
+        except (PortError, ValueError) as error:
+            self._end("failed", f"not-sent: {error}")
             return
-        self.endpoint.user, self.endpoint.reset_by = self, None
         self.phase = "running"
         self.may_be_running = self._is_stoppable
         self._deadline = self._host.clock.now() + self._expected
-        if self._rate:  # a base that comes back must not go on by itself, also while a bag or another tool listens
-            self._listeners = self.endpoint.listeners()
         self._host.report_accepted(self.action)
         self._host.on_goal_changed(self)
 
-    def _send(self) -> bool:
-        """Publish the message now, and again at its rate. False: that has ended it."""
-        try:
-            self.endpoint.publisher.publish(self._make_message())
-        except (PortError, ValueError) as error:
-            self._end("failed", f"not-sent: {error}")
-            return False
+    def _send(self) -> None:
+        """Publish the message now, and again at its rate. Raises PortError and ValueError."""
+        self._listeners = self.endpoint.order(self, self._make_message())
         if self._rate:
             clock = self._host.clock
             self._sent_at, self._suspended = clock.now(), suspended_seconds()
             self._repeat = clock.call_at(self._sent_at + 1 / self._rate, self._send_again)
-        return True
 
     def _send_again(self) -> None:
-        if self.phase != "running" or self.endpoint.user is not self:
+        if self.phase != "running" or self.endpoint.user is not self or not self._check_listeners():
             return
         silent = self._host.clock.now() - self._sent_at + suspended_seconds() - self._suspended
         if silent > max(STANDSTILL_SECONDS, STANDSTILL_PERIODS / self._rate):
             # The robot's own watchdog may have stopped it, and somebody may stand before it.
             self._end("aborted", f"standstill: the session was silent for {silent:.1f} s, so the robot does not go on")
-        else:
+            return
+        try:
             self._send()
+        except (PortError, ValueError) as error:
+            self._end("aborted", f"standstill: it cannot be repeated, so the robot does not go on ({error})")
 
     def _end(self, status: Ending, reason: str) -> None:
         assert self.phase != "ended"
         self.phase = "ended"
         if self._repeat is not None:
             self._repeat.cancel()
-        if self.endpoint.user is self:  # a later goal has the topic to itself
+        is_user = self.endpoint.user is self  # a later goal has the topic to itself
+        if is_user and self._is_stoppable:
+            self.endpoint.take_back(self)
+        elif is_user:
             self.endpoint.user = None
-            if self._is_stoppable:
-                self._take_back()
-            else:
-                self._leave_unstopped()
-        else:
-            self.may_be_running = False
+            self._leave_unstopped()
+        if self._is_stoppable:
+            self.may_be_running = self.endpoint.is_open(self)
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
-
-    def _take_back(self) -> None:
-        """Publish the reset. It is due again until something that listens has had the time to hear it."""
-        reset = self._make_reset()
-        if reset is None:
-            self.may_be_running = False
-            return
-        self.endpoint.publish(reset)
-        self.endpoint.reset_by, self._reset_at = self, self._host.clock.now()
-        self.may_be_running = self._is_reset_due = not (self.endpoint.presence.count and self.endpoint.is_known)
 
 
 class ServiceGoal:

@@ -30,7 +30,7 @@ from rise_adapters.ros2.actions.client import (
     CancelResponse,
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint, TopicEndpoint
+from rise_adapters.ros2.robot.endpoints import NOT_HEARD, ActionEndpoint, Endpoint, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
@@ -194,30 +194,6 @@ class CancelAll:
         changed()
 
 
-class TellTopic:
-    """One topic on which everything is taken back. What returns later is told, too."""
-
-    def __init__(self, endpoint: TopicEndpoint, tell: Callable[[], None]) -> None:
-        """`tell`: publishes what takes it back, made at that time: a base ignores old stamps."""
-        self.endpoint = endpoint
-        self._tell = tell
-        self._is_told = False
-
-    def poll(self) -> None:
-        """Tell what listens, until it has had the time to hear it."""
-        if not self.endpoint.presence.count:
-            self._is_told = False
-        elif not self._is_told:
-            self._tell()
-            self._is_told = self.endpoint.is_known
-
-    def why_unconfirmed(self) -> str:
-        presence = self.endpoint.presence
-        if presence.count:
-            return "told to stop; a topic gives no answer"
-        return self.endpoint.misfit_kind or ("gone" if presence.was_seen else "never seen")
-
-
 class StopAll:
     """One stop, from the request until something is started or everything is stopped again."""
 
@@ -226,17 +202,15 @@ class StopAll:
         clock: Clock,
         endpoints: Iterable[Endpoint],
         find_goals: FindGoals,
-        tell_topic: Callable[[TopicEndpoint], None],
         report: Callable[[StopReport], None],
     ) -> None:
-        """`tell_topic`: takes back everything on a topic. `report` is first called within ANSWER_SECONDS, and again
-        with each change."""
+        """`report` is first called within ANSWER_SECONDS, and again with each change."""
         self._clock = clock
         self._report = report
         self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
-        self._topics: list[TellTopic] = []
+        self._topics: list[TopicEndpoint] = []
         """Parts that cannot confirm."""
         self._unstoppable: list[str] = []
         self._services: list[ServiceEndpoint] = []
@@ -251,7 +225,7 @@ class StopAll:
                 if not endpoint.is_harmless:
                     self._unstoppable.append(endpoint.label)
             else:
-                self._topics.append(TellTopic(endpoint, partial(tell_topic, endpoint)))
+                self._topics.append(endpoint)
 
     @property
     def is_answered(self) -> bool:
@@ -265,8 +239,6 @@ class StopAll:
         """Check after a change whether all have confirmed."""
         if self._is_abandoned:
             return
-        for topic in self._topics:
-            topic.poll()
         confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # calls all of them: see `find_running`
         if self._reported is not None:
             self._ask(cancel for cancel in self._cancels if not cancel.is_asked)  # newly appeared
@@ -314,7 +286,7 @@ class StopAll:
 
     def _make_report(self) -> StopReport:
         confirmed, unconfirmed = [], []
-        topics = [f"{each.endpoint.label} ({each.why_unconfirmed()})" for each in self._topics]
+        topics = [f"{each.label} ({_why_topic_unconfirmed(each)})" for each in self._topics]
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
@@ -326,3 +298,10 @@ class StopAll:
             unconfirmed=(*sorted(unconfirmed), *sorted(topics)),  # those last that can never confirm
             unstoppable=tuple(sorted([*self._unstoppable, *calls])),
         )
+
+
+def _why_topic_unconfirmed(topic: TopicEndpoint) -> str:
+    """Why a topic has not confirmed, for a person. (Those who listen are told by `TopicEndpoint.tell`.)"""
+    if topic.presence.count:
+        return NOT_HEARD if topic.is_owed else "told to stop; a topic gives no answer"
+    return topic.misfit_kind or ("gone" if topic.presence.was_seen else "never seen")
