@@ -94,10 +94,6 @@ SERVICE = {
         ("Speech=fail",), 20, "failed", "robot-error: it went wrong on the robot (simulated fault)", ["ended failed"]
     ),
     "it refuses": (("Speech=reject",), 1, "failed", "robot-error: refused: a simulated fault", ["rejected"]),
-    "it dies in the middle": (
-        ("vanish@3-4",), 9, "lost", "server-gone: the program of Zora has gone; start it again",
-        ["ended vanished"],
-    ),
     "it takes longer than the profile allows": (
         ("Speech=slow:3",), 20, "timed-out",
         "no-result: it should have taken 10.3 s, and /zora/say had not ended it 2 s later", ["begun"],

@@ -438,6 +438,10 @@ class ServiceEndpoint(_ComparedEndpoint):
         return self.presence.update(self.client.count_servers() if count is None else count)
 
     @property
+    def others(self) -> object:
+        return self.presence.count, self.comparison.programs
+
+    @property
     def fault(self) -> Fault:
         fault = super().fault
         return "double" if fault in ("", "held") and self.presence.count > 1 else fault

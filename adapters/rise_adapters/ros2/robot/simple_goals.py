@@ -1,7 +1,8 @@
 """Goals at services and topics.
 
 A service carries an action as one call with its response. Nothing takes a call back: stopping the action ends it for
-the engine, but the robot may go on until it answers. Until then, nothing else is sent to that service.
+the engine, but the robot may go on until it answers, also while its program is out of sight. Until it answers, or
+another program offers the service, nothing else is sent there.
 
 A topic carries an action as a message, sent once or at a rate. The action takes its expected time, and the profile's
 reset takes it back. Nobody answers on a topic, so a listener counts as acceptance, and the end of the time as success.
@@ -235,6 +236,8 @@ class ServiceGoal:
         self._deadline = host.clock.now() + mapping.deadlines.server
         self._limit_at = host.clock.now() + limit
         self._ended_at = 0.0
+        self._called: frozenset[bytes] = frozenset()
+        """The programs that offered the service when it was called."""
         self._is_adopted = False
 
     def adopt(self, *, accepted: bool) -> None:
@@ -259,6 +262,8 @@ class ServiceGoal:
             self._mark_over()
 
     def why_open(self) -> str:
+        if self.endpoint.presence.was_seen and not self.endpoint.presence.count:
+            return "its program has gone"
         return (
             "an engine that has gone called it" if self._is_adopted else "nothing stops a call, and it has not answered"
         )
@@ -302,19 +307,25 @@ class ServiceGoal:
         return endings.of_missing_server(self.endpoint, 0)
 
     def on_server_gone(self) -> None:
-        self._mark_over()
+        """The program may only be out of sight, and go on with the call."""
         if self.phase == "running":
             self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """Do nothing: another server would not know the call."""
+        """Another program does not know the call, and the one that had it is gone."""
+        programs = self.endpoint.comparison.programs
+        if not (self.may_be_running and self._called and programs) or self._called & programs:
+            return
+        self._mark_over()
+        if self.phase == "running":
+            self._end(*endings.of_restart(self.endpoint.name))
 
     def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
-        self._mark_over()
 
     def _call(self) -> None:
+        self._called = self.endpoint.comparison.programs
         try:
             self.endpoint.client.call(self._make_request(), self._take_response)
         except (PortError, ValueError) as error:
@@ -346,6 +357,6 @@ class ServiceGoal:
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
-        """Note that nothing of it still runs on the robot, or that nobody will ever report it."""
+        """Note that nothing of it still runs on the robot."""
         self.may_be_running = False
         self._host.on_goal_changed(self)
