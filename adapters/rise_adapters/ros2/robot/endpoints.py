@@ -340,7 +340,7 @@ class TopicEndpoint(_ComparedEndpoint):
             for end in self._transport.subscriber_endpoints(self.name)
             if end.type == self._mapping.type and not compatibility.qos_conflict(own, end.qos)
         ]
-        unknown = 0 if ends else self.publisher.count_subscribers()
+        unknown = 0 if ends or self._transport.failure() else self.publisher.count_subscribers()
         ends = [end for end in ends if not _only_looks_on(end.node)]
         self._is_lossy = not own.reliable or any(end.qos is not None and not end.qos.reliable for end in ends)
         unknown += sum(not end.program for end in ends)
