@@ -158,6 +158,23 @@ def test_beside_what_an_engine_that_has_gone_left_nothing_begins_until_somebody_
     assert robot.notes() == [f"released: somebody has released /zora/say; {why}"]
 
 
+@pytest.mark.parametrize("unattended", ["wait", "go on"])
+def test_a_robot_that_acts_by_itself_goes_on_after_a_crash_during_a_call(unattended: str) -> None:
+    """Nobody is told of the call's answer any more, and there may be nobody who releases it."""
+    robot = Zora(connect=False, profile=replace(zora(), options={**zora().options, "unattended": unattended}))
+    robot.robot.adopt([StartAction("old", "Speech", {"message": "Hi"}, 1.0)])
+    robot.connect()
+    robot.run(45)
+    robot.start("a", "Turn", speed=0.5, duration=1000)
+    robot.run(15)
+    robot.start("b", "Turn", speed=0.5, duration=1000)
+    robot.run(10)
+    ends = "succeeded" if unattended == "go on" else "failed"
+    assert [each[:2] for each in robot.endings()] == [("a", "failed"), ("b", ends)]
+    who = "the profile (`unattended`) has released /zora/say; an engine that has gone called it"
+    assert robot.notes() == ([f"released: {who}"] if unattended == "go on" else [])
+
+
 def test_a_call_is_not_sent_where_nobody_would_answer_it_or_two_would() -> None:
     robot = Zora(serving=False)
     robot.start("a", "Speech", message="Hi")

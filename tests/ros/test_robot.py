@@ -46,12 +46,12 @@ class Alone:
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.connect(self.told.append)
 
-    def recover(self, *left: StartAction) -> None:
+    def recover(self, *left: StartAction, **options: Any) -> None:
         """The engine is killed. Another one continues the session, for which these goals were not over."""
         self.robot._report, self.robot._closed = lambda report: None, True
         self.near.close()
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
-        which = profile()
+        which = msgspec.structs.replace(profile(), options=options)
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.adopt(left)
         self.robot.connect(self.told.append)
@@ -222,6 +222,20 @@ def test_what_waits_beside_what_an_engine_left_fails_with_a_reason_and_polls_no_
     robot.run(11.1)
     (end,) = robot.of(ActionReport)
     assert (end.status, end.reason) == ("failed", f"held: {held}, and nothing begins beside that")
+
+
+def test_a_robot_that_acts_by_itself_goes_on_after_a_crash_before_a_goal_was_accepted() -> None:
+    """rclpy answers "unknown" about a goal that was never sent, and about one that its goal callback still looks at."""
+    robot = Alone()
+    robot.run(1)
+    robot.recover(StartAction("old", "LookAt", {}, 1.0), unattended="go on")
+    robot.run(55)
+    assert [goal.action for goal in robot.of(RobotChanged)[-1].open] == ["old"]
+    robot.run(62)
+    assert robot.of(RobotChanged)[-1].open == ()
+    robot.start()
+    robot.run(65)
+    assert robot.of(ActionReport)[-1].status == "succeeded"
 
 
 @pytest.mark.parametrize("is_used_before", [True, False])

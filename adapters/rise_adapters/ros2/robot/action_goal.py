@@ -141,9 +141,9 @@ class ActionGoal:
     def holds_its_part(self) -> bool:
         return True
 
-    def release(self) -> None:
+    def release(self, by: str = "somebody") -> None:
         if self.phase == "ended" and self.may_be_running:
-            self._note_once("released", f"somebody has released {self.endpoint.name}; {self.why_open()}")
+            self._note_once("released", f"{by} has released {self.endpoint.name}; {self.why_open()}")
             self.is_released = True
             self._mark_over()
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from rise_adapters.ros2.mapping.action_mapping import EstopMapping
-from rise_adapters.ros2.robot.simple_goals import LEASE_SECONDS
+from rise_adapters.ros2.robot.listeners import LEASE_SECONDS
 from rise_adapters.ros2.transport.port import Closable, Message, QoS, RemoteEndpoint, SendReply, Subscription, Transport
 from rise_engine.kernel.inputs import EstopReport
 

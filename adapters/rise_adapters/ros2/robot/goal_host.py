@@ -53,8 +53,8 @@ class Goal(Protocol):
         """Whether its server or topic gets nothing else while it has ended and may still be running."""
         ...
 
-    def release(self) -> None:
-        """Count an ended goal as over on the robot, because a person has checked."""
+    def release(self, by: str = "somebody") -> None:
+        """Count an ended goal as over on the robot, because a person has checked. `by`: who says so, for the record."""
         ...
 
     def why_open(self) -> str:

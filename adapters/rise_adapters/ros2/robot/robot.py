@@ -30,6 +30,7 @@ from rise_adapters.ros2.robot.endpoints import (
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
 from rise_adapters.ros2.robot.health import RobotHealth
+from rise_adapters.ros2.robot.leftovers import Leftovers
 from rise_adapters.ros2.robot.simple_goals import ServiceGoal, TopicGoal
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.transport.port import Message, PortError, Transport
@@ -85,8 +86,7 @@ class Ros2Robot:
         """Other nodes that may move the robot, once they were noted."""
         self._is_connected = self._closed = False
         self._estop: EstopInput | None = None
-        self._adopted: list[Goal] = []
-        """Goals that an earlier engine may have left running."""
+        self._leftovers = Leftovers(clock, gives_up=read_options(profile).unattended == "go on")
         self._transport = transport
         self._make_endpoints()
 
@@ -147,7 +147,7 @@ class Ros2Robot:
                 self._adopt_unknown(goal.type, bytes.fromhex(goal.action.removeprefix(UNKNOWN_GOAL)))
             else:
                 made = self._goals[goal.action] = self._make_goal(goal, mapping, {})
-                self._adopted.append(made)
+                self._leftovers.add(made, limit_seconds(self._profile.actions[goal.type], goal.parameters))
                 made.adopt(accepted=goal.accepted)
 
     def cancel_open_goals(self, part: str) -> None:
@@ -181,7 +181,7 @@ class Ros2Robot:
         if self._stop is not None and self._stop.is_answered:
             self._stop.abandon()  # the stop was released
             self._stop = None
-        if self._left is not None:  # unless a person does, the engine cancels that after 5 s
+        if self._leftovers.first is not None:  # unless a person does, the engine cancels that after 5 s
             server = mapping.deadlines.server + mapping.deadlines.cancel
             mapping = replace(mapping, deadlines=replace(mapping.deadlines, server=server))
         try:
@@ -196,12 +196,6 @@ class Ros2Robot:
         self._poll_endpoints((made.endpoint,))
         made.poll()
         self.on_goal_changed(made)
-
-    @property
-    def _left(self) -> Goal | None:
-        """What an earlier engine has left, and the robot may still be doing. Nothing new begins beside that, because
-        the two were never meant to happen together."""
-        return next((goal for goal in self._adopted if goal.may_be_running and goal.holds_its_part), None)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
         """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
@@ -284,7 +278,7 @@ class Ros2Robot:
     # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
     def why_held(self) -> str:
-        return health.why_held(self._estop, self._left)
+        return health.why_held(self._estop, self._leftovers.first)
 
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
@@ -358,6 +352,7 @@ class Ros2Robot:
         self._poll_endpoints()
         if self._estop is not None and not self._transport.failure():
             self._estop.poll()
+        self._leftovers.poll()
         for goal in tuple(self._live.values()):
             goal.poll()
         self._report_standing()

@@ -93,7 +93,7 @@ class TopicGoal:
     def holds_its_part(self) -> bool:
         return self._is_stoppable
 
-    def release(self) -> None:
+    def release(self, by: str = "somebody") -> None:
         self.endpoint.release(self)
         self.may_be_running = False
         self._host.on_goal_changed(self)
@@ -254,10 +254,10 @@ class ServiceGoal:
     def holds_its_part(self) -> bool:
         return True
 
-    def release(self) -> None:
+    def release(self, by: str = "somebody") -> None:
         if self.phase == "ended" and self.may_be_running:
             self._host.report_note(
-                self.endpoint, f"released: somebody has released {self.endpoint.name}; {self.why_open()}"
+                self.endpoint, f"released: {by} has released {self.endpoint.name}; {self.why_open()}"
             )
             self._mark_over()
 
