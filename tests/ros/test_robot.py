@@ -13,6 +13,7 @@ from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, Acti
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
+from rise_adapters.ros2.transport.port import RemoteEndpoint
 
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
@@ -321,6 +322,23 @@ def test_what_goes_away_during_a_stop_is_asked_again_when_it_is_back() -> None:
     assert robot.of(StopReport) == [both, back, both]
 
 
+def test_what_goes_on_at_a_server_that_is_back_is_not_confirmed_before_its_status_arrives() -> None:
+    """rclpy answers a refusal as if nothing ran."""
+    robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60, cancel="refuse"))
+    robot.run(1)
+    robot.stop()
+    robot.wire.forget("/robot")
+    robot.run(5)
+    robot.wire.delay("*/status", 3.0)
+    robot.wire.heal("/robot")
+    before = len(robot.of(StopReport))
+    robot.run(12)
+    since = robot.of(StopReport)[before:]
+    assert since[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
+    assert not any("pepper/speech" in report.confirmed for report in since)
+
+
 def test_a_second_server_that_appears_during_a_stop_was_not_asked() -> None:
     robot = Alone()
     robot.run(1)
@@ -342,6 +360,27 @@ def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
     assert robot.stop() == refused
     robot.run(12)
     assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech"), "it is asked until it has ended"
+
+
+def test_an_error_of_the_middleware_hinders_neither_a_stop_nor_what_comes_after_it() -> None:
+    robot = Alone(LONG)
+    robot.start()
+    robot.run(1)
+
+    def broken(service: str) -> list[RemoteEndpoint]:
+        raise RuntimeError("as rclpy, between the look and the call")
+
+    working, robot.near.server_endpoints = robot.near.server_endpoints, broken  # type: ignore[method-assign]
+    robot.robot.stop_all()
+    with pytest.raises(RuntimeError, match="as rclpy"):
+        robot.run(4)
+    robot.near.server_endpoints = working  # type: ignore[method-assign]
+    robot.run(8)
+    assert robot.servers[SPEECH].running() == []
+    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+    robot.far.close()
+    robot.run(9)
+    assert robot.of(RobotChanged)[-1].status == "lost"
 
 
 def test_asked_twice_it_asks_twice_and_answers_once() -> None:

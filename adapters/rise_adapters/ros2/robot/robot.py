@@ -6,6 +6,7 @@ everything: it polls the servers (ROS is silent when one dies) and the goals who
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import cycle
@@ -39,6 +40,8 @@ from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged
 from rise_engine.ports.robot import Clock, ReportCallback, RobotReport, Timer
 from rise_engine.scenario.durations import limit_seconds
 from rise_engine.scenario.model import RobotProfile
+
+_LOG = logging.getLogger(__name__)
 
 POLL_RUNNING = 0.25
 """Seconds between two polls of the servers while something runs ..."""
@@ -221,14 +224,15 @@ class Ros2Robot:
         """Stop everything. A repeated call asks the robot again, but gets only one answer."""
         if self._stop is not None:
             self._stop.abandon()
-        self._poll_endpoints()
         topics = [each for each in self._endpoints if isinstance(each, TopicEndpoint)]
-        for topic in topics:
-            topic.begin_stop()
-        for goal in tuple(self._goals.values()):
-            goal.cancel()
-        for topic in topics:
-            topic.tell(everybody=True)
+        goals = tuple(self._goals.values())
+        tell = [partial(topic.tell, everybody=True) for topic in topics]
+        begin = [topic.begin_stop for topic in topics]
+        for step in (*begin, *(goal.cancel for goal in goals), self._poll_endpoints, *tell):
+            try:
+                step()
+            except Exception:  # a mistake of ours, or of the middleware; the other steps must not suffer
+                _LOG.exception("a step of a stop has failed")
         self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
         self._stop.begin()
 
@@ -349,14 +353,16 @@ class Ros2Robot:
         self._timer, self._next_poll = None, inf
         if self._closed:
             return
-        self._poll_endpoints()
-        if self._estop is not None and not self._transport.failure():
-            self._estop.poll()
-        self._leftovers.poll()
-        for goal in tuple(self._live.values()):
-            goal.poll()
-        self._report_standing()
-        self._set_timer()
+        try:
+            self._poll_endpoints()
+            if self._estop is not None and not self._transport.failure():
+                self._estop.poll()
+            self._leftovers.poll()
+            for goal in tuple(self._live.values()):
+                goal.poll()
+            self._report_standing()
+        finally:  # also after an error of the middleware: without a timer, nobody would watch the robot any more
+            self._set_timer()
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
         """Check which servers are there (all, unless some are named), and tell their goals. Endpoints that appear or

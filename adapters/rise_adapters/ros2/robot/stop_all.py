@@ -74,6 +74,8 @@ class CancelAll:
         self._over: set[bytes] = set()
         """... and that it reported as unknown or over."""
         self._has_confirmed = False
+        self._was_running = self._must_tell = False
+        """Whether something ran there at the last look, and when its servers changed. Then only their status confirms."""
         self.is_reported = False
         """From now on, goals that others begin there are left to them, and reported."""
         self._moved_since = False
@@ -130,6 +132,7 @@ class CancelAll:
         if presence.changes != self._servers:
             self._servers = presence.changes
             self.answer, self.is_asked = None, False
+            self._must_tell = self._must_tell or self._was_running
             self._has_confirmed = self._has_confirmed and not presence.count
         if running and self._has_confirmed:
             self._has_confirmed = False
@@ -138,7 +141,9 @@ class CancelAll:
             elif presence.count:
                 self._moved_since = True
         elif not (running or self._moved_since or self.answer is None) and presence.count:
-            self._has_confirmed = presence.count == 1 and self.endpoint.is_known and not self._has_rejected
+            is_known = self.endpoint.was_heard if self._must_tell else self.endpoint.is_known
+            self._has_confirmed = presence.count == 1 and is_known and not self._has_rejected
+        self._was_running = bool(running)
         return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
