@@ -74,6 +74,19 @@ def test_one_that_speaks_only_of_changes_is_not_known_until_then() -> None:
     assert standing(robot)[0] == "connected" and robot.of(EstopReport) == [LET_GO]
 
 
+def test_one_that_comes_and_goes_is_told_a_few_times_only() -> None:
+    """As with a `silent_after` near its period."""
+    robot = with_estop(**TOPIC, silent_after=1)
+    button = robot.far.publisher(NAME, TYPE)
+    button.publish({"data": False})
+    for _ in range(30):
+        robot.run(robot.clock.now() + 1.5)
+        button.publish({"data": False})
+    assert len(robot.of(RobotChanged)) <= 8 and standing(robot)[0] == "degraded"
+    say(robot, 35, (button, False))
+    assert standing(robot)[0] == "connected"
+
+
 def say(robot: Alone, seconds: int, *buttons: tuple[Any, bool]) -> None:
     """Let each button publish its state twice a second."""
     for _ in range(seconds * 2):

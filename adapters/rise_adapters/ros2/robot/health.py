@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Sequence
 from typing import Literal, TypeAlias
 
@@ -13,6 +14,7 @@ from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import Goal
 from rise_adapters.ros2.transport.port import Transport
 from rise_engine.kernel.records import OpenGoal
+from rise_engine.ports.robot import Clock
 
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
@@ -39,18 +41,48 @@ class RobotHealth(Struct, frozen=True):
         return frozenset(each for each in self.faults if each[1].startswith((*MISFIT_KINDS, "inactive")))
 
 
+UNSTEADY_TIMES, UNSTEADY_SECONDS = 3, 30.0
+"""An emergency stop that had a fault so often within so many seconds has it until it was right for as long."""
+
+
+class EstopWatch:
+    """The fault of the emergency stop that people are told of: one that comes and goes is told once."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._began: deque[float] = deque(maxlen=UNSTEADY_TIMES)
+        self._is_faulty = False
+        self._told: frozenset[tuple[str, str]] = frozenset()
+
+    def faults(self, estop: EstopInput | None) -> frozenset[tuple[str, str]]:
+        """As `RobotHealth.faults`."""
+        if estop is None:
+            return frozenset()
+        now, began = self._clock.now(), self._began
+        was_faulty, self._is_faulty = self._is_faulty, bool(estop.fault)
+        if self._is_faulty and not was_faulty:
+            began.append(now)
+        is_unsteady = len(began) == UNSTEADY_TIMES and now < began[0] + UNSTEADY_SECONDS
+        if not (self._told and is_unsteady):
+            self._told = frozenset({(estop.label, estop.fault)}) if estop.fault else frozenset()
+        return self._told
+
+
 def assess(
-    transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint], estop: EstopInput | None = None
+    transport: Transport,
+    endpoints: Sequence[Endpoint],
+    busy: Collection[Endpoint],
+    estop: frozenset[tuple[str, str]] = frozenset(),
 ) -> RobotHealth:
-    """The robot's present state. `busy`: the endpoints that are doing something for us."""
+    """The robot's present state. `busy`: the endpoints that are doing something for us; `estop`: its emergency stop's
+    faults."""
     goals = open_goals(endpoints)
     if transport.failure():
         return RobotHealth("lost", open=goals)
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
         return RobotHealth("lost", faults, goals)
-    if estop is not None and estop.fault:
-        faults |= {(estop.label, estop.fault)}
+    faults |= estop
     return RobotHealth("degraded" if faults else "connected", faults, goals)
 
 
@@ -104,7 +136,7 @@ def describe(
     ]
     trouble = "; ".join(dict.fromkeys(told))
     if status == "degraded":
-        return trouble
+        return trouble or "the emergency stop comes and goes"
     if misfits:
         kind = misfits[0].kind
         return f"{kind}: {title} {SHORT_MISFITS[kind]} ({trouble})"

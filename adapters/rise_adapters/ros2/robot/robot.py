@@ -89,6 +89,7 @@ class Ros2Robot:
         """Other nodes that may move the robot, once they were noted."""
         self._is_connected = self._closed = False
         self._estop: EstopInput | None = None
+        self._estop_watch = health.EstopWatch(clock)
         self._leftovers = Leftovers(clock, gives_up=read_options(profile).unattended == "go on")
         self._transport = transport
         self._make_endpoints()
@@ -411,7 +412,7 @@ class Ros2Robot:
 
     def _assess_health(self) -> RobotHealth:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
-        return health.assess(self._transport, self._endpoints, busy, self._estop)
+        return health.assess(self._transport, self._endpoints, busy, self._estop_watch.faults(self._estop))
 
     def _report_standing(self) -> None:
         """Report the robot's state if it has changed."""
