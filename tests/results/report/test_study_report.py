@@ -368,7 +368,7 @@ def test_a_robot_that_did_not_move_is_told_with_its_faults(study):
     known = " ".join(text for item in given.sheet for text in item.known)
     assert f"generic (simulated: no robot moved) in {number} sessions." in known
     assert f"Faults were injected in {number} sessions: Speech=slow, PointAt=fail@1." in known
-    assert "faults injected: Speech=slow; PointAt=fail@1" in " ".join(text_lines(study_report(given)))
+    assert "faults injected: Speech=slow; PointAt=fail@1" in "\n".join(text_lines(study_report(given), 300))
 
 
 def test_mode_and_banner_are_those_of_the_sessions_and_not_of_study_toml(study):

@@ -7,7 +7,7 @@ everything: it polls the servers (ROS is silent when one dies) and the goals who
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import cycle
 from math import inf
@@ -226,10 +226,10 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.abandon()
         topics = [each for each in self._endpoints if isinstance(each, TopicEndpoint)]
-        goals = tuple(self._goals.values())
-        tell = [partial(topic.tell, everybody=True) for topic in topics]
-        begin = [topic.begin_stop for topic in topics]
-        for step in (*begin, *(goal.cancel for goal in goals), self._poll_endpoints, *tell):
+        steps: list[Callable[[], object]] = [topic.begin_stop for topic in topics]
+        steps += [goal.cancel for goal in tuple(self._goals.values())]
+        steps += [self._poll_endpoints, *(partial(topic.tell, everybody=True) for topic in topics)]
+        for step in steps:
             try:
                 step()
             except Exception:  # a mistake of ours, or of the middleware; the other steps must not suffer

@@ -75,7 +75,7 @@ class CancelAll:
         """... and that it reported as unknown or over."""
         self._has_confirmed = False
         self._was_running = self._must_tell = False
-        """Whether something ran there at the last look; and when its servers changed, so that only a status confirms."""
+        """Whether something ran there at the last look; and when its servers changed: then only a status confirms."""
         self.is_reported = False
         """From now on, goals that others begin there are left to them, and reported."""
         self._moved_since = False
