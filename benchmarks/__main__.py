@@ -20,7 +20,17 @@ ALL = (
         "lsp_typing",
         "check_start",
     ),
-    *("journal", "acknowledge", "commands_under_load", "bad_clients", "attach", "start_console", "ros", "log"),
+    *(
+        "journal",
+        "acknowledge",
+        "commands_under_load",
+        "bad_clients",
+        "attach",
+        "start_console",
+        "ros",
+        "memory",
+        "log",
+    ),
     *("console_keys", "console_bytes", "console_day", "editor", "exports", "long_session", "marks", "explore"),
 )
 
