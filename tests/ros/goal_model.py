@@ -5,21 +5,24 @@
       +-- refused -----+-- its program ends ------> over
 
 `World` is one action server and one session, on a wire in memory and in virtual time. The server does nothing alone:
-each *event* is one thing that it, the network, the wizard or the engine can do (docs/explanation/ros2.md). What the
-robot really does is known here, so that whatever the session says about it can be compared with the truth.
+each *event* is one thing that it, the network, the wizard, somebody else or the engine can do
+(docs/explanation/ros2.md). What the robot really does is known here, so that whatever the session says about it can be
+compared with the truth.
 """
 
 from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable, Collection, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import cache
+from typing import Literal, NamedTuple
+from uuid import NAMESPACE_OID, uuid5
 
 import msgspec
 from msgspec import Struct
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, CANCELING, EXECUTING, FINAL_STATUSES, SUCCEEDED
-from rise_adapters.ros2.mapping import read_mappings
+from rise_adapters.ros2.mapping import ActionMapping, read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
@@ -38,17 +41,25 @@ from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.kernel.records import OpenGoal
 from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import VirtualClock
+from rise_engine.scenario.model import RobotProfile
 from tests.ros.bench import SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 PART = "pepper/speech"
-OTHER = bytes([200] * 16)
-"""The id of a goal of somebody else."""
 ENOUGH = 100
 """More events than any state of one goal is away."""
+OTHER = bytes([200] * 16)
+"""The id of a goal of somebody else."""
 SETTLE = 0.6
 """Seconds after an event in which what follows from it by itself has happened: messages, and the next look at the
 servers."""
+FOUND = 5.5
+"""Seconds after which a server that was found has said what it was doing."""
+
+
+def goal_id(action: str) -> bytes:
+    """As the engine makes it, also an engine that continues after another one."""
+    return uuid5(NAMESPACE_OID, f"a session {action}").bytes
 
 
 class RobotGoal(Struct):
@@ -88,7 +99,7 @@ class Program:
 
     def _ask(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_id"]["uuid"])
-        ended = self._world.ended_for_session()
+        ended = self._world.ended_for_session() - self._world.released
         self.moved_together |= any(goal.can_move and goal.id in ended for goal in self.goals.values())
         self.goals.setdefault(id, RobotGoal(id, [])).replies.append(reply)
 
@@ -141,8 +152,8 @@ class Program:
             reply({"return_code": 0, "goals_canceling": [{"goal_id": {"uuid": each.id}} for each in meant]})
             for each in meant:
                 each.status = CANCELING
-        if stops:
-            self._tell()
+            if meant:
+                self._tell()
 
     def is_asked_to_stop(self, goal: bytes) -> bool:
         """Whether a request to cancel this goal is not answered yet."""
@@ -158,6 +169,16 @@ class Program:
         )
 
 
+@cache
+def _robot() -> tuple[RobotProfile, Mapping[str, ActionMapping]]:
+    """A robot with one action."""
+    whole = profile()
+    actions = {name: spec for name, spec in whole.actions.items() if name == "Speech"}
+    which = msgspec.structs.replace(whole, actions=actions)
+    wire = MemoryWire()
+    return which, read_mappings(which, MemoryTransport(wire, ClockLoop(VirtualClock())).fields)
+
+
 class World:
     """One robot, one session, and everything that can happen to them."""
 
@@ -168,10 +189,8 @@ class World:
         self.loop = ClockLoop(self.clock)
         self.wire = MemoryWire()
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
-        whole = profile()
-        self.profile = msgspec.structs.replace(
-            whole, actions={name: spec for name, spec in whole.actions.items() if name == "Speech"}
-        )
+        self.graph = 0
+        """As `Transport.graph_version`."""
         self.reports: list[RobotReport] = []
         self.started: list[StartAction] = []
         self.program: Program | None = None
@@ -179,12 +198,18 @@ class World:
         self.is_cut = False
         self.is_stopped = False
         """F9 was pressed, and nothing was started since."""
+        self.released: set[bytes] = set()
+        """Goals that a person has released."""
+        self.other: Literal["none", "found", "later"] = "none"
+        """Whether somebody else has begun a goal, and whether it ran when the session found the server."""
         self.new_program()
         self._connect([])
         self.settle()
 
     def _connect(self, adopted: list[StartAction]) -> None:
-        self.robot = Ros2Robot(self.profile, self.clock, self.near, read_mappings(self.profile, self.near.fields))
+        self.near.graph_version = lambda: self.graph  # type: ignore[method-assign, assignment]
+        which, mappings = _robot()
+        self.robot = Ros2Robot(which, self.clock, self.near, mappings)
         if adopted:
             self.robot.adopt(adopted)
         self.robot.connect(self.reports.append)
@@ -217,7 +242,7 @@ class World:
         """The wizard starts an action, as often as there are `goals`."""
         if len(self.started) < self.goals:
             number = len(self.started) + 1
-            goal = StartAction(f"{number}/a", "Speech", {"message": "Hello"}, 2.0, bytes([number] * 16).hex())
+            goal = StartAction(f"{number}/a", "Speech", {"message": "Hello"}, 2.0, goal_id(f"{number}/a").hex())
             self.started.append(goal)
             self.is_stopped = False
             self.robot.start(goal)
@@ -231,6 +256,11 @@ class World:
         self.is_stopped = True
         self.reports[:] = [each for each in self.reports if not isinstance(each, StopReport)]
         self.robot.stop_all()
+
+    def release(self) -> None:
+        """A person has looked at the robot: what is open counts as over."""
+        self.released |= self.moving() & {*self.ended_for_session(), OTHER}
+        self.robot.release_open_goals(PART)
 
     def take(self) -> None:
         for program in self._live():
@@ -251,11 +281,12 @@ class World:
             program.end(SUCCEEDED)
 
     def other_begins(self) -> None:
-        """A goal of somebody else begins; one at most."""
-        for program in self._live():
-            if OTHER not in program.goals:
-                program.goals[OTHER] = RobotGoal(OTHER, [], EXECUTING)
-                program._tell()
+        """A goal of somebody else begins, one at most, after the session has found what is there."""
+        self.settle(max(self._found_at + FOUND - self.clock.now(), 0.0))
+        for program in self._live() if self.other == "none" else ():
+            program.goals[OTHER] = RobotGoal(OTHER, [], EXECUTING)
+            program._tell()
+            self.other = "later"
 
     def is_stopped_by_robot(self) -> None:
         """What is being stopped ends."""
@@ -269,25 +300,32 @@ class World:
 
     def program_ends(self) -> None:
         if self.program is not None:
+            self.graph += 1
             self.program.transport.close()
             self.programs.remove(self.program)
             self.program = None
 
     def new_program(self) -> None:
         if self.program is None:
+            self.graph += 1
             self.program = Program(self)
             self.programs.append(self.program)
             if self.is_cut:
                 self.wire.forget("/robot")
+            self._find()
 
     def cut(self) -> None:
         """The link is gone, and both sides have noticed; the robot goes on."""
         self.is_cut = True
+        self.graph += 1
         self.wire.forget("/robot")
 
     def heal(self) -> None:
-        self.is_cut = False
-        self.wire.heal("/robot")
+        if self.is_cut:
+            self.is_cut = False
+            self.graph += 1
+            self.wire.heal("/robot")
+            self._find()
 
     def wait(self) -> None:
         self.settle(5.5)
@@ -302,20 +340,46 @@ class World:
         if self.robot._stop is not None:
             self.robot._stop.abandon()
         self.near.close()
+        running = [goal.action for goal in self.started if bytes.fromhex(goal.goal) not in ended]
         unfinished = [
-            msgspec.structs.replace(goal, accepted=known.get(goal.action, goal.action in accepted))
-            for goal in self.started
-            if goal.action in known or bytes.fromhex(goal.goal) not in ended
+            StartAction(name, "Speech", {}, 0.0, goal_id(name).hex(), accepted=known.get(name, name in accepted))
+            for name in (*running, *known)
         ]
-        for goal in unfinished:  # the kernel's word: it is lost
-            if bytes.fromhex(goal.goal) not in ended:
-                self.reports.append(ActionReport(action=goal.action, status="lost"))
+        self.reports += [ActionReport(action=name, status="lost") for name in running]  # the kernel's word
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
         if self.is_cut:
             self.wire.forget("/robot")
+        self.released.discard(OTHER)
+        self._find()
         self._connect(unfinished)
         if self.is_stopped:  # as the kernel does for a stop that is in force
             self.stop()
+
+    def possible(self) -> Iterator[str]:
+        """The events that would change something, or make time pass."""
+        goals = [goal for program in self.programs for goal in program.goals.values()]
+        is_asked = any(goal.status == 0 for goal in goals)
+        moves = any(goal.status in (EXECUTING, CANCELING) for goal in goals)
+        is_to_stop = any(program.cancels for program in self.programs)
+        happens = {
+            "start": len(self.started) < self.goals,
+            **dict.fromkeys(("take", "take_unheard", "refuse"), is_asked),
+            "finish": moves,
+            "other_begins": self.other == "none" and self.program is not None,
+            "is_stopped_by_robot": moves,
+            "refuses_to_stop": is_to_stop,
+            "program_ends": self.program is not None,
+            "new_program": self.program is None,
+            "cut": not self.is_cut,
+            "heal": self.is_cut,
+        }
+        return (name for name in EVENTS if happens.get(name, True))
+
+    def _find(self) -> None:
+        """The session finds what offers the action, again or for the first time. What runs there holds its part."""
+        self._found_at = self.clock.now()
+        if OTHER in self.moving():
+            self.other = "found"
 
     def _live(self) -> Iterator[Program]:
         yield from self.programs
@@ -351,13 +415,15 @@ class World:
             len(self.started),
             None if said is None else (said.confirmed, said.unconfirmed),
             {goal.action for goal in self.open()} == set(),
+            sorted(self.moving() & self.released),
+            self.other,
         )
 
 
 EVENTS: dict[str, Callable[[World], None]] = {
     name: getattr(World, name)
     for name in (
-        *("start", "cancel", "stop", "wait"),
+        *("start", "cancel", "stop", "wait", "release"),
         *("take", "take_unheard", "refuse", "finish", "other_begins", "is_stopped_by_robot", "refuses_to_stop"),
         *("program_ends", "new_program", "cut", "heal", "engine_dies"),
     )
@@ -377,27 +443,32 @@ def play(names: tuple[str, ...], goals: int = 2) -> World:
 def check(world: World) -> None:
     """What the session says must be true."""
     moving, ended = world.moving(), world.ended_for_session()
-    if world.is_cut:
-        moving.discard(OTHER)  # of somebody else nobody hears while the robot is lost
+    if world.is_cut:  # of these nobody hears while the robot is lost
+        moving -= {OTHER, *world.released}
     reports = [each for each in world.reports if isinstance(each, ActionReport) and each.status != "accepted"]
     assert len({each.action for each in reports}) == len(reports), "an action has two endings"
     said = world.stop_said()
     if said is not None and PART in said.confirmed:
-        assert not moving, "the stop is confirmed, and something moves or may still begin"
+        begun = {id for program in world.programs for id, goal in program.goals.items() if goal.status}
+        assert not moving - (world.released - begun), "the stop is confirmed, and something moves or may still begin"
     told = {goal.action for goal in world.open()}
     for goal in world.started:
         id = bytes.fromhex(goal.goal)
-        if id in moving and id in ended:
+        if id in moving - world.released and id in ended:
             assert goal.action in told, f"{goal.action} may be going on, and the session does not say so"
+    if OTHER in moving - world.released and world.robot._reported is not None:
+        is_told = f"unknown/{OTHER.hex()}" in told
+        assert is_told == (world.other == "found"), "what others run is open only if it ran when the robot was found"
     assert not any(program.moved_together for program in world.programs), "one began beside another that was to end"
 
 
 def check_that_nothing_is_held_for_ever(world: World) -> None:
-    """When the robot answers and ends everything, nothing is open any more."""
+    """When the robot answers and ends everything, nothing is open any more, a stop is confirmed, and the next action
+    begins."""
     world.heal()
     world.new_program()
     world.settle()
-    for _ in world.started:
+    for _ in (*world.started, "of others"):
         world.take()
         world.settle()
         world.robot.cancel_open_goals("")
@@ -409,6 +480,15 @@ def check_that_nothing_is_held_for_ever(world: World) -> None:
     if all(not goal.accepted and "may have begun" in goal.reason for goal in world.open()):
         world.robot.release_open_goals("")  # whom it was sent to, only the engine knew that has gone
     assert not world.moving() and world.open() == (), world.open()
+    if (said := world.stop_said()) is not None:
+        moved = f"{PART} (something was begun there after the stop)"
+        assert said.confirmed == (PART,) or said.unconfirmed == (moved,), said
+    world.goals = len(world.started) + 1
+    world.start()
+    world.settle()
+    world.take()
+    world.settle()
+    assert world.reports[-1] == ActionReport(action=world.started[-1].action, status="accepted"), world.reports[-1]
 
 
 class Exploration(NamedTuple):
@@ -419,12 +499,12 @@ class Exploration(NamedTuple):
 
 def explore(depth: int, *, goals: int = 2, without: Collection[str] = ()) -> Exploration:
     """Play every sequence of up to `depth` events, but for those that lead to the same state as one before."""
-    seen: set[object] = {repr(World(goals).state())}
-    frontier: list[tuple[str, ...]] = [("start",)]
+    seen: set[object] = set()
+    frontier: list[tuple[str, ...]] = [(), ("start",)]
     for _ in range(depth):
         following: list[tuple[str, ...]] = []
         for path in frontier:
-            for name in EVENTS:
+            for name in play(path, goals).possible():
                 if name in without:
                     continue
                 world = play((*path, name), goals)
@@ -450,7 +530,7 @@ def walk(seed: int, events: int = 30) -> None:
 
 
 if __name__ == "__main__":
-    for goals, depth in ((1, ENOUGH), (2, int(sys.argv[1]))):
+    for goals, depth in ((0, ENOUGH), (1, ENOUGH), (2, int(sys.argv[1]))):
         found = explore(depth, goals=goals)
         whole = ", and there is no other" if found.is_whole else f" within {depth} events"
         print(f"{goals} goal(s): {found.states} states{whole}; what was said of them was so", flush=True)
