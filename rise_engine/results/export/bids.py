@@ -55,6 +55,8 @@ from rise_engine.study.publishing import authors_of
 
 VERSION = "1.11.1"
 """The version of BIDS."""
+OF_DEVICE = {"SamplingFrequency": 1_000_000, "PowerLineFrequency": "n/a"}
+"""What the report of mne-bids asks of every device: steps of the journal's clock in a second, and no mains."""
 _NO_TASK = "session"
 """The task's label if there is no title."""
 
@@ -118,7 +120,7 @@ class _Dataset:
         for task, facts in sorted(self._tasks.items()):
             about = self._task_description(task, facts)
             self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(self._event_columns)})
-            self._write_json(self._root / f"task-{task}_beh.json", {**about, **sidecar(ACT_COLUMNS)})
+            self._write_json(self._root / f"task-{task}_beh.json", {**about, **OF_DEVICE, **sidecar(ACT_COLUMNS)})
         self._write_participants()
         self._write_questionnaires()
         self._write_json(self._root / "dataset_description.json", self._description())
@@ -205,8 +207,7 @@ class _Dataset:
         }
         if said.get("license"):
             description["License"] = said["license"]
-        if authors := authors_of(said):
-            description["Authors"] = [each.name for each in authors]
+        description["Authors"] = [each.name for each in authors_of(said)]
         for key, name in (("EthicsApprovals", "ethics"), ("Funding", "funding")):
             if said.get(name):
                 description[key] = [said[name]]

@@ -246,6 +246,12 @@ def test_events_are_sorted_and_say_what_happened(dataset: Path) -> None:
     assert {row["trial_type"] for row in rows} <= set(described["trial_type"]["Levels"])
 
 
+def test_what_the_report_of_mne_bids_reads_is_there(dataset: Path) -> None:
+    (beh,) = dataset.glob("task-*_beh.json")
+    assert {"SamplingFrequency", "PowerLineFrequency"} <= json.loads(beh.read_text()).keys()
+    assert isinstance(json.loads((dataset / "dataset_description.json").read_text())["Authors"], list)
+
+
 def test_acts_have_the_parts_of_their_latency(dataset: Path) -> None:
     rows = table(dataset / EVENTS.replace("_events", "_beh"))
     assert [row["task_id"] for row in rows] == ["1", "2", "3", "4"]
