@@ -474,7 +474,10 @@ class Engine:
                     self._publish(step.records)
                     for start in step.starts:
                         self._commands.run(start)
-                    step.on_reply(step.reply)
+                    try:
+                        step.on_reply(step.reply)
+                    except Exception:  # its caller's code; what comes after must not be lost
+                        _LOG.exception("a reply could not be passed on")
             finally:
                 self._stepping = False
         self._update_journal_status()

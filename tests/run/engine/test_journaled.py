@@ -137,6 +137,17 @@ async def test_what_went_out_is_on_the_disk(tmp_path: Path) -> None:
         assert [line.n for line in on_disk if isinstance(line, InputLine)] == [1, 2, 3]
 
 
+async def test_a_caller_that_fails_takes_nothing_from_the_others(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.engine.accept(Note(text="one"), lambda reply: [][0])
+        it.ask(start("Greet"))
+        disk.go.set()
+        await it.until(lambda: it.replies)
+        assert it.robot.calls == ["start 1/1"]
+
+
 async def test_while_the_disk_hangs_a_stop_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = StallingDisk()
     async with session(tmp_path, disk) as it:
