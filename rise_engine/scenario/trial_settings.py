@@ -16,7 +16,8 @@ TRIAL_KEYS = {
 }
 """The meaning of each entry of `[trials]`, for editors."""
 PARTICIPANT = "participant_s"
-MEASURES = (PARTICIPANT, "key_s", "wizard_s", "duration_s", "prompts", "repairs", "failures")
+SPEECH = "speech_s"
+MEASURES = (PARTICIPANT, SPEECH, "key_s", "wizard_s", "duration_s", "prompts", "repairs", "failures")
 """Columns of every trial that can be the dependent variable. The declared columns can be it too."""
 
 

@@ -24,11 +24,14 @@ from rise_engine.results.analysis.model import (
 from rise_engine.results.analysis.outages import interruption_between, worst
 from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.trial_settings import TrialSettings
+from rise_engine.scenario.trial_settings import SPEECH, TrialSettings
 
-NoNumber: TypeAlias = InterruptionKind | Literal["back", "silent", "cut", "end", "cue", "key", "unset", "value"]
+NoNumber: TypeAlias = (
+    InterruptionKind | Literal["back", "silent", "cut", "end", "cue", "key", "speech", "unset", "value"]
+)
 """Why a trial has no number. back: a wizard stepped back before there was one; silent: the robot said nothing; cut:
-not to its end; end: nobody knows when it fell silent; cue, key: there was none; unset: no value; value: no number."""
+not to its end; end: nobody knows when it fell silent; cue, key, speech: there was none; unset: no value; value: no
+number."""
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -46,15 +49,17 @@ _INTERRUPTED = {
     "participant_s": ("participant_interrupted",),
     "wizard_s": ("wizard_interrupted",),
     "key_s": ("participant_interrupted", "wizard_interrupted"),
+    SPEECH: ("speech_interrupted",),
 }
 """For each duration of a trial, what says that it was interrupted."""
 _ENDS: dict[str, tuple[str, ...]] = {
     "participant_s": ("asked_end", "cue_at"),
     "wizard_s": ("cue_at", "key_at"),
     "key_s": ("asked_end", "key_at"),
+    SPEECH: ("asked_end", "speech_at"),
 }
 """For each duration that a trial may lack, its ends."""
-_MISSING: dict[str, NoNumber] = {"asked_end": "end", "cue_at": "cue", "key_at": "key"}
+_MISSING: dict[str, NoNumber] = {"asked_end": "end", "cue_at": "cue", "key_at": "key", "speech_at": "speech"}
 _Each = TypeVar("_Each")
 
 
@@ -76,6 +81,8 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     asked_cut: bool = False
     """Whether that act's speech was stopped or failed before its end."""
     cue_at: float | None = None
+    speech_at: float | None = None
+    """When the participant first spoke, as somebody has annotated it."""
     key_at: float | None = None
     wizard_key: str = ""
     wizard_asked: str = ""
@@ -95,6 +102,8 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     """What interrupted the time between the end of the robot's speech and the cue (without a cue: the key)."""
     wizard_interrupted: InterruptionKind | None = None
     """What interrupted the time between the cue and the wizard's key."""
+    speech_interrupted: InterruptionKind | None = None
+    """What interrupted the time between the end of the robot's speech and the participant's first speech."""
 
     @property
     def duration_s(self) -> float:
@@ -105,6 +114,11 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     def participant_s(self) -> float | None:
         """Seconds from the end of the robot's speech to the cue. Negative: the cue came while it still spoke."""
         return seconds_between(self.asked_end, self.cue_at)
+
+    @property
+    def speech_s(self) -> float | None:
+        """Seconds from the end of the robot's speech to the participant's. Negative: the robot still spoke."""
+        return seconds_between(self.asked_end, self.speech_at)
 
     @property
     def wizard_s(self) -> float | None:
@@ -277,6 +291,7 @@ class _Lists:
             (key.at, key) for key in data.keys if key.function not in _NO_REACTIONS and key.task not in started_aside
         )
         self._raised = _sorted(data.raised)
+        self._speech = _sorted((each.begin, each.begin) for each in data.coded if each.speech)
         marks = [point for point in data.points if point.kind == "mistake"]
         self._marked_acts = _sorted((by_task[m.task].accepted_at, m.name) for m in marks if m.task in by_task)
         self._marked_keys = _sorted((spans.asked.get(m.task or 0), m.name) for m in marks if m.task not in by_task)
@@ -309,6 +324,7 @@ class _Lists:
         since = start if asked_at is None else asked_at
         cue = next((each for each in _until(self._cues, start, until) if each.at >= since), None)
         cue_at = cue.at if cue is not None else None
+        speech_at = next((at for at in _until(self._speech, start, until) if at >= since), None)
         answer_from = cue_at if cue_at is not None else asked_at
         key = self._key(answer_from, end)
         asked = _asked(key.function, key.asked) if key is not None else ""
@@ -331,6 +347,7 @@ class _Lists:
             asked_end=asked_end,
             asked_cut=asking is not None and _is_cut(asking),
             cue_at=cue_at,
+            speech_at=speech_at,
             key_at=key.at if key is not None else None,
             wizard_key=self._names.get(asked, ""),
             wizard_asked=asked,
@@ -345,6 +362,7 @@ class _Lists:
             interrupted=interruption_between(interruptions, start, end),
             participant_interrupted=interruption_between(interruptions, asked_end, heard),
             wizard_interrupted=interruption_between(interruptions, cue_at, key.at if key is not None else None),
+            speech_interrupted=interruption_between(interruptions, asked_end, speech_at),
         )
 
     def _key(self, start: float | None, end: float) -> WizardKey | None:

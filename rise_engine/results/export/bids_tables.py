@@ -56,9 +56,11 @@ _TRIAL_TYPES = {
 }
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
-    "trial robot_said asked_task asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
+    "trial robot_said asked_task asked_at asked_end cue_at participant_s speech_at speech_s key_at "
+    "wizard_key wizard_asked wizard_s key_s "
     "robot_next_at prompts repairs events marks failures stops interrupted "
-    "participant_interrupted wizard_interrupted participant_wall_s wizard_wall_s key_wall_s"
+    "participant_interrupted wizard_interrupted participant_wall_s wizard_wall_s key_wall_s "
+    "speech_interrupted speech_wall_s"
 )
 
 

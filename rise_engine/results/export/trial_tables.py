@@ -29,7 +29,7 @@ from rise_engine.results.export.table_schema import (
     seconds,
     wall_column,
 )
-from rise_engine.scenario.trial_settings import PARTICIPANT
+from rise_engine.scenario.trial_settings import PARTICIPANT, SPEECH
 from rise_engine.study.model import Participant
 from rise_engine.study.participants import load_participants
 
@@ -66,6 +66,8 @@ TRIALS = TableSchema(
         seconds(
             PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None
         ),
+        moment("speech_at", "the participant first spoke from asked_at on, as annotated in a tier of their speech."),
+        seconds(SPEECH, "From asked_end to speech_at. Negative: the robot was still speaking.", minimum=None),
         moment("key_at", "the wizard pressed the first key from cue_at on; without a cue, from asked_at on."),
         Column("wizard_key", "The key, if the scenario declares it. Empty: no key, or a key of the console."),
         Column("wizard_asked", "What the key requested: a function and its argument."),
@@ -96,6 +98,8 @@ TRIALS = TableSchema(
         wall_column(PARTICIPANT, ends("asked_end", "cue_at")),
         wall_column("wizard_s", ends("cue_at", "key_at")),
         wall_column("key_s", ends("asked_end", "key_at")),
+        interrupted("speech_interrupted", "the time from asked_end to speech_at"),
+        wall_column(SPEECH, ends("asked_end", "speech_at")),
     ),
     ("session", "trial"),
     _trial_rows,

@@ -27,7 +27,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.wizard_marks import UNMARKABLE
-from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.model import CodedAnnotation, SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.analysis.trials import trials_of
 from rise_engine.scenario.trial_settings import TrialSettings
@@ -303,7 +303,8 @@ def test_what_is_measured(tmp_path: Path) -> None:
         ],
         until=40.0,
     )
-    tea = trials_of(read(folder))[-1]
+    data = read(folder)
+    tea = trials_of(data)[-1]
     assert (tea.start, tea.robot_said, tea.asked_at) == (10.0, "Would you like some tea?", 10.02)
     assert tea.asked_end is not None and tea.participant_s == pytest.approx(20.0 - tea.asked_end)
     assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
@@ -329,6 +330,15 @@ def test_what_is_measured(tmp_path: Path) -> None:
         told = replace(tea, **changed)
         names = ("participant_s", "wizard_s", "key_s", "prompts", "score")
         assert {name: why for name in names if (why := told.why_no_number(name)) is not None} == whys
+    assert (tea.speech_at, tea.why_no_number("speech_s")) == (None, "speech"), "nobody has annotated it"
+    spans = ((9.0, True), (12.5, False), (16.0, True), (18.0, True))
+    coded = tuple(
+        CodedAnnotation(tier="P", begin=at, end=at + 1, value="", speech=is_speech) for at, is_speech in spans
+    )
+    spoken = trials_of(replace(data, coded=coded))[-1]
+    assert spoken.speech_at == 16.0 and spoken.number("speech_s") == pytest.approx(16.0 - tea.asked_end)
+    stopped = replace(spoken, speech_interrupted="stop")
+    assert (stopped.number("speech_s"), stopped.why_no_number("speech_s")) == (None, "stop")
 
 
 def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:
