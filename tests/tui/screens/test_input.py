@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 
 import pytest
@@ -110,6 +111,13 @@ def test_one_press_fires_once_and_soon() -> None:
     keys.press("a", A)
     keys.wait(0.03)
     assert keys.fired == ["A"]
+
+
+async def test_time_that_only_passes_in_a_test_is_no_suspend() -> None:
+    """Else a busy machine, on which more time passes than in the test, would drop keys."""
+    before = suspended_seconds()
+    await asyncio.sleep(100)
+    assert abs(suspended_seconds() - before) < 1
 
 
 @pytest.mark.parametrize("suspended", [True, False])
