@@ -210,6 +210,14 @@ def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(m
     assert told == [("the engine stood still for 12 s: what happened then is recorded late", 12.0), ("x", None)]
 
 
+def test_a_stop_does_not_wait_for_the_beginning_of_a_session() -> None:
+    """On a full disk the first record may take long, and an earlier engine may have left something on the robot."""
+    played = HubSession(start=False)
+    played.does("wa attaches")
+    assert played.does("wa acts") == "the session has not begun yet"
+    assert played.does("wa stops") == ""
+
+
 def test_nothing_starts_while_the_disk_is_behind() -> None:
     """Else people press the key again and again, and the robot does it that often."""
     played = HubSession()
