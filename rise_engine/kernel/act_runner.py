@@ -64,8 +64,8 @@ class ActRunner:
         """The variant that was picked last, by `<act>/<actionID>`."""
         self.robot_lost: str | None = None
         """Why goals cannot be sent, while the robot is not connected."""
-        self.restarted = False
-        """True while the goals of an earlier engine are given up."""
+        self.left: frozenset[str] = frozenset()
+        """The goals of an earlier engine, while they are given up. People decide about them: none is cancelled."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
 
@@ -234,10 +234,17 @@ class ActRunner:
         for run in list(self.runs.values()):
             for id, state in run.actions.items():
                 if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:
-                    if state.state == "running" and not self.restarted:
-                        self._core.commands.append(CancelAction(f"{run.task.id}/{id}"))
+                    goal = f"{run.task.id}/{id}"
+                    if state.state == "running" and goal not in self.left:
+                        self._core.commands.append(CancelAction(goal))
                     self._end_action(run, id, "lost", reason)
             self._advance(run)
+
+    def lose_left(self) -> None:
+        """End what an earlier engine left on the robot as lost, and cancel nothing of it."""
+        self.left = frozenset(goal.action for goal in self.running_goals())
+        self.lose_running("the engine was restarted while it ran")
+        self.left = frozenset()
 
     # --- cancel and end ---
 
@@ -260,10 +267,10 @@ class ActRunner:
             elif state.state == "running":
                 if core.scenario.robot.actions[state.type].engine:
                     self._end_action(run, id, "canceled", reason)
-                elif not self.restarted:  # or what an earlier engine has left is for people to decide about
+                elif (goal := f"{run.task.id}/{id}") not in self.left:
                     self._cancel_timer(state)
                     state.state = "canceling"
-                    core.commands.append(CancelAction(f"{run.task.id}/{id}"))
+                    core.commands.append(CancelAction(goal))
                     state.timer = core.set_timer(CANCEL_LIMIT, TimerTarget("cancel", str(run.task.id), id))
 
     def _end_action(self, run: ActRun, id: str, status: ActionStatus, reason: str = "") -> None:

@@ -376,10 +376,7 @@ class Kernel:
         """Continue rules and timers, and keep the latch. Nothing that the robot was doing is repeated automatically."""
         self.core.waits_for_wizard |= input.waits_for_wizard
         self._record_session("recovered", input.versions, input.reason, input.downtime)
-        runner = self.scheduler.runner
-        runner.restarted = True
-        runner.lose_running("the engine was restarted while it ran")
-        runner.restarted = False
+        self.scheduler.runner.lose_left()
         self.wizard_marks.cancel_filler()
         self.stop.ask_again()
 

@@ -20,6 +20,7 @@ ACTS = (
     + dialog("Wait", pause(1, 5000), speech(2, "Well", "1"))
     + dialog("Both", pause(1, 5000), gaze(2))
     + dialog("Nod", gaze(1))
+    + dialog("Broken", gaze(1), speech(2, "{nobody}"))
 )
 RULES = """<InteractionRule name="Clock" initial="Tick">
   <State id="Tick"><transition after="10s" target="Tock"/><transition eventTopic="/Talk_end" target="Over"/></State>
@@ -91,6 +92,20 @@ def test_waiting_acts_go_on(session: Session) -> None:
     assert session.lines()[-2:] == ["task act Wait ACTIVE", "action Wait/1 started"]
     session.wait(5)
     session.finish_all()
+    assert not session.kernel.is_busy
+    assert_one_ending_each(session)
+
+
+def test_an_act_that_begins_by_the_recovery_cancels_what_it_has_begun(session: Session) -> None:
+    """Only what the earlier engine left is for people to decide about."""
+    session.act("Talk", "Blocking")
+    session.act("Broken", "Blocking")
+    assert recover(session)[-3:-1] == [
+        "action Broken/1 started",
+        "action Broken/2 failed (the memory has no value for 'nobody')",
+    ]
+    assert session.cancels == ["2/1"]
+    session.report("2/1", "canceled")
     assert not session.kernel.is_busy
     assert_one_ending_each(session)
 

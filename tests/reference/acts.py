@@ -57,6 +57,8 @@ class Acts:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.connected = True
+        self.of_another_engine: list[Doing] = []
+        """While it is given up: what an engine that has gone was doing."""
         self.open: list[dict[str, Any]] = []
         """What the robot may still be doing (9.3)."""
         self.last_variant: dict[tuple[str, str], int] = {}
@@ -107,11 +109,18 @@ class Acts:
             for action in run.act.actions:
                 doing = run.doing.get(action.id)
                 if doing is not None and not doing.engine:
-                    if doing.action.id not in run.cancelled and not self.session.failures.giving_up:
+                    if doing.action.id not in run.cancelled and doing not in self.of_another_engine:
                         self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
                     self._end(run, doing, "lost", why)
             self.go_on(run)
         self.session.scheduler.arrange()
+
+    def give_up(self) -> None:
+        """What an engine that has gone was doing is lost; nothing of it is cancelled (0.3)."""
+        going_on = [doing for run in self.session.scheduler.running for doing in run.doing.values()]
+        self.of_another_engine = going_on
+        self.lose("its engine has gone")
+        self.of_another_engine = []
 
     def stop(self, run: Run, why: str) -> None:
         """Somebody stops an act."""
@@ -215,7 +224,7 @@ class Acts:
                     self._record(run, self._never_begun(action), "skipped", why)
             elif doing.engine:
                 self._end(run, doing, "canceled", why)
-            elif not self.session.failures.giving_up:  # after a recovery, nothing is cancelled by itself (9.3)
+            elif doing not in self.of_another_engine:
                 run.cancelled.append(doing.action.id)
                 self.session.forget(doing.clock)
                 self.session.order("cancel", f"{run.task.id}/{doing.action.id}")

@@ -33,8 +33,6 @@ class Failures:
         """By task: which repetition it is."""
         self.starters: dict[int, Run | None] = {}
         """By task: the rule that has started the act."""
-        self.giving_up = False
-        """While what an engine that has gone had been doing is given up."""
 
     def started(self, task: Task) -> None:
         """An act was asked for: perhaps by a rule."""
@@ -48,7 +46,7 @@ class Failures:
             return True
         policy = self.session.scenario.failure_policy(act)
         done = self.times.get(task.id, 0)
-        by_itself = policy.kind == "repeat" and ours and not self.giving_up
+        by_itself = policy.kind == "repeat" and ours and not self.session.acts.of_another_engine
         if policy.kind == "go_on":
             return True
         if by_itself and done >= policy.times:

@@ -138,9 +138,7 @@ class Interpreter:
         session = self.session
         session.scheduler.waits_for_wizard |= input.waits_for_wizard
         self._session_record("recovered", input.reason, input.downtime)
-        session.failures.giving_up = True
-        session.acts.lose("its engine has gone")
-        session.failures.giving_up = False
+        session.acts.give_up()
         session.marks.nothing_by_itself()
         session.stop.ask_again()
 
