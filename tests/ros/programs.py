@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -50,3 +52,40 @@ class Program:
     def end(self, number: signal.Signals = signal.SIGINT) -> int:
         self.process.send_signal(number)
         return self.process.wait(PATIENCE)
+
+
+class Lab:
+    """A study in a folder, and sessions of it and robots, each in a process of its own."""
+
+    def __init__(self, folder: Path, ros: str = "dds") -> None:
+        self.folder, self.ros = folder, ros
+        self.programs: list[Program] = []
+
+    def write(self, files: dict[str, str]) -> None:
+        for name, text in files.items():
+            path = self.folder / "study" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, "utf-8")
+
+    def start(self, name: str, *command: str) -> Program:
+        sessions = str(self.folder / "sessions")
+        program = Program(self.folder / f"{name}.log", sys.executable, "-m", *command, RISE_SESSIONS=sessions)
+        self.programs.append(program)
+        return program
+
+    async def serve(self, name: str, *options: str) -> Program:
+        session = self.start(name, "rise_engine", "serve", str(self.folder / "study"), "--ros", self.ros, *options)
+        await session.says("serving study")
+        return session
+
+    def records(self, kind: str = "") -> list[dict[str, Any]]:
+        """What the journal has, of one kind or of all."""
+        (journal,) = (self.folder / "sessions").glob("*/journal.jsonl")
+        lines = [json.loads(line) for line in journal.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
+        return [line for line in lines if "kind" in line and kind in ("", line["kind"])]
+
+    def close(self) -> None:
+        for program in self.programs:
+            if program.process.poll() is None:
+                program.process.kill()
+                program.process.wait()

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
@@ -17,7 +15,7 @@ from rise_engine.run.client.socket import SocketClient
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES
 from tests.ros.contract.peers import missing
-from tests.ros.programs import PATIENCE, Program
+from tests.ros.programs import PATIENCE, Lab, Program
 from tests.ros.session_node_bench import until
 
 pytestmark = [
@@ -45,24 +43,11 @@ STUDY = {
 }
 
 
-class Lab:
-    """A study, a robot and its sessions, each in a process of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.programs: list[Program] = []
+class Mini(Lab):
+    """With a robot of one action."""
 
     def write_study(self, options: str = "") -> None:
-        for name, text in {**STUDY, "robots/mini.toml": PROFILE.format(options=options)}.items():
-            path = self.folder / "study" / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-
-    def start(self, name: str, *command: str) -> Program:
-        sessions = str(self.folder / "sessions")
-        program = Program(self.folder / f"{name}.log", sys.executable, "-m", *command, RISE_SESSIONS=sessions)
-        self.programs.append(program)
-        return program
+        self.write({**STUDY, "robots/mini.toml": PROFILE.format(options=options)})
 
     async def robot(self, plan: Plan) -> Program:
         order = {"names": {SPEECH: TYPES[SPEECH]}, "plans": [msgspec.to_builtins(plan)]}
@@ -70,28 +55,15 @@ class Lab:
         await robot.says('"ready"')
         return robot
 
-    async def serve(self, name: str, *options: str) -> Program:
-        session = self.start(name, "rise_engine", "serve", str(self.folder / "study"), "--ros", "dds", *options)
-        await session.says("serving study")
-        return session
-
-    def records(self) -> list[dict[str, Any]]:
-        (journal,) = (self.folder / "sessions").glob("*/journal.jsonl")
-        lines = [json.loads(line) for line in journal.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
-        return [line for line in lines if "kind" in line]
-
 
 @pytest.fixture
-def lab(tmp_path: Path) -> Iterator[Lab]:
-    made = Lab(tmp_path)
+def lab(tmp_path: Path) -> Iterator[Mini]:
+    made = Mini(tmp_path)
     yield made
-    for program in made.programs:
-        if program.process.poll() is None:
-            program.process.kill()
-            program.process.wait()
+    made.close()
 
 
-async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Lab) -> None:
+async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Mini) -> None:
     lab.write_study()
     robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
     session = await lab.serve("session", "--rule", "Go", "--new")
@@ -103,7 +75,7 @@ async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Lab) 
     assert [(goal["part"], goal["reason"]) for goal in last["open"]] == [("mini/speech", "it refused to stop")]
 
 
-async def test_who_ends_a_session_from_elsewhere_is_told_as_well(lab: Lab) -> None:
+async def test_who_ends_a_session_from_elsewhere_is_told_as_well(lab: Mini) -> None:
     lab.write_study()
     robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
     await lab.serve("session", "--rule", "Go", "--new")
@@ -114,7 +86,7 @@ async def test_who_ends_a_session_from_elsewhere_is_told_as_well(lab: Lab) -> No
     assert "LOOK AT THE ROBOT: mini/speech may still be doing Speech (it refused to stop)" in stop.said()
 
 
-async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped(lab: Lab) -> None:
+async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped(lab: Mini) -> None:
     lab.write_study()
     robot = await lab.robot(Plan(seconds=60))
     session = await lab.serve("session", "--rule", "Go", "--new")
@@ -138,7 +110,7 @@ async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped
 
 @pytest.mark.parametrize("unattended", ["wait", "go on"])
 async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch, unattended: str
+    lab: Mini, monkeypatch: pytest.MonkeyPatch, unattended: str
 ) -> None:
     lab.write_study(f'[options]\nunattended = "{unattended}"')
     robot = await lab.robot(Plan(seconds=60))
@@ -162,7 +134,7 @@ async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
     assert again.end(signal.SIGTERM) == exit_status.OK
 
 
-async def test_a_profile_can_keep_what_a_killed_engine_left_running(lab: Lab) -> None:
+async def test_a_profile_can_keep_what_a_killed_engine_left_running(lab: Mini) -> None:
     lab.write_study('[options]\nleftovers = "keep"')
     robot = await lab.robot(Plan(seconds=8))
     session = await lab.serve("session", "--rule", "Go", "--new")

@@ -76,8 +76,11 @@ class Reading:
 
     def chain(self, task: int) -> list[int]:
         """From what began it to the act."""
-        cause = self.tasks[task]["cause"]
-        return [task] if cause is None else [*self.chain(cause), task]
+        chain = [task]
+        while (cause := self.tasks[chain[0]]["cause"]) is not None:
+            assert cause < chain[0]
+            chain.insert(0, cause)
+        return chain
 
     def is_wizards(self, task: int) -> bool:
         source: str = self.tasks[task]["source"]
