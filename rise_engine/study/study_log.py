@@ -30,6 +30,8 @@ SET_ASIDE_FILE = "study.jsonl.torn"
 """Incomplete lines that killed programs left in the log."""
 WRITTEN = ("reason", "text", "value")
 """Fields with text that people wrote."""
+_SOURCE = "source"
+"""A field that names whose doing it was: `wizard:anna`, or a program's own word."""
 EntryKind: TypeAlias = Literal[
     "planned",
     "taken",
@@ -67,21 +69,27 @@ class LogEntry(Struct, frozen=True):
         """Return a field's value, or `otherwise`."""
         return self.fields.get(name, otherwise)
 
-    def with_written(self, change: Callable[[str], str]) -> LogEntry:
+    def with_written(self, change: Callable[[str], str], *, sources: bool = False) -> LogEntry:
         """Return the entry with changed texts in the fields that people wrote (`WRITTEN`).
 
         :param change: maps an old text to a new one.
+        :param sources: also change the names of people in `source`.
         """
-        fields = {name: _change_written(value, change, name) for name, value in self.fields.items()}
+        fields = {name: _change_written(value, change, name, sources) for name, value in self.fields.items()}
         return LogEntry(self.kind, self.at, fields, self.line)
 
 
-def _change_written(value: Any, change: Callable[[str], str], name: str) -> Any:
+def _change_written(value: Any, change: Callable[[str], str], name: str, sources: bool) -> Any:
     if isinstance(value, dict):
-        return {field: _change_written(each, change, field) for field, each in value.items()}
+        return {field: _change_written(each, change, field, sources) for field, each in value.items()}
     if isinstance(value, list):
-        return [_change_written(each, change, name) for each in value]
-    return change(value) if isinstance(value, str) and name in WRITTEN else value
+        return [_change_written(each, change, name, sources) for each in value]
+    if not isinstance(value, str):
+        return value
+    if sources and name == _SOURCE:
+        kind, colon, who = value.partition(":")
+        return kind + colon + change(who)
+    return change(value) if name in WRITTEN else value
 
 
 def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEntry]:

@@ -135,13 +135,13 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
     try:
         with LockedLog(study) as log:
             before = log.entries()
-            after = [each.with_written(words.replace) if is_about(each) else each for each in before]
+            after = [each.with_written(words.replace, sources=True) if is_about(each) else each for each in before]
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
-            others = [each for each in after if each.with_written(words.replace) != each]
+            others = [each.line for each in after if each.with_written(words.replace, sources=True) != each]
             report.remains += _of_people(study, words)
-            report.remains += [
-                f"{LOG_FILE}, line {each.line}: what somebody wrote, not about this session" for each in others
-            ]
+            if others:
+                lines = f"line{'s' if len(others) > 1 else ''} {name_some(others)}"
+                report.remains.append(f"{LOG_FILE}, {lines}: not about this session")
             if try_only:
                 return []
             if report.log_lines:
