@@ -292,6 +292,8 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
             plan.recordings.append(path)
             if facts.hashes:
                 plan.hashes[path] = facts.hashes
+            else:
+                plan.sizes[path] = facts.sizes
     _plan_exports(plan, study, log)
     _note_missing(plan, study, log)
     return plan

@@ -97,8 +97,8 @@ def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) ->
         return f"{path} is a folder, but not a bag: erase their data in it"
     if not (facts.sizes or facts.hashes):
         return f"{path}: nothing says how large it was, so it may be another file; check what it is, and erase it"
-    if facts.sizes and _size(path) not in facts.sizes:
-        return f"{path} has another size than what was recorded: check what it is, and erase it"
+    if sentence := _why_other_size(path, facts.sizes):
+        return sentence
     if not facts.hashes and _is_older(path, session):
         return f"{path} is older than the session that names it: check what it is"
     return ""
@@ -141,6 +141,12 @@ def _is_of_scenario(path: Path, root: Path) -> bool:
     return not any((path / name).is_file() for name in _OF_EXPORTS) and any(path.rglob(SCENARIO_FILE))
 
 
+def _why_other_size(path: Path, sizes: Collection[int]) -> str:
+    if not sizes or _size(path) in sizes:
+        return ""
+    return f"{path} has another size than what was recorded: check what it is, and erase it"
+
+
 def _size(path: Path) -> int:
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(each.lstat().st_size for each in files if each.is_file())
@@ -174,6 +180,8 @@ class WithdrawalPlan(Struct):
     """Rows that stay in the study's `anonymous.csv`."""
     hashes: dict[str, list[str]] = field(default_factory=dict)
     """The hashes of exports and recordings as they were written, by path."""
+    sizes: dict[str, list[int]] = field(default_factory=dict)
+    """The bytes of recordings without a hash, as they were recorded, by path."""
     begun: list[str] = field(default_factory=list)
     """Files that were found unchanged, and whose erasing has begun."""
 
@@ -251,6 +259,7 @@ def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
         list(dict.fromkeys([*before.export_folders, *now.export_folders])),
         [*before.kept, *now.kept],
         {**before.hashes, **now.hashes},
+        {**before.sizes, **now.sizes},
         before.begun,
     )
 
@@ -317,7 +326,8 @@ class Erasing:
             if not os.path.lexists(path):
                 return False
             try:
-                why = why_other(path, plan.hashes.get(text, [])) if proved else ""
+                known, sizes = plan.hashes.get(text, []), plan.sizes.get(text, [])
+                why = why_other(path, known) if proved else _why_other_size(path, sizes)
             except OSError as error:
                 return self._fail(path, error)
         if why:

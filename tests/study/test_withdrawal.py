@@ -354,6 +354,14 @@ def test_a_withdrawal_says_that_another_one_was_interrupted(interrupted: Folder)
     assert "interrupted" not in run("study", "check", interrupted.study).output
 
 
+def test_a_withdrawal_that_goes_on_erases_no_other_file_in_the_place_of_a_recording(interrupted: Folder) -> None:
+    film, bag = interrupted.videos / "one", interrupted.videos / "bag"
+    film.write_bytes(b"the next participant's film")
+    report = withdraw(interrupted.study, "P01")
+    assert film.exists() and not bag.exists()
+    assert any(f"{film} has another size than what was recorded" in each for each in report.unreached)
+
+
 @pytest.mark.parametrize("done", [False, True])
 def test_what_a_killed_export_left_outside_the_study_is_named(made: Folder, tmp_path: Path, done: bool) -> None:
     out, gone = tmp_path / "out.zip", tmp_path / "gone.csv"
