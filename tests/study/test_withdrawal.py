@@ -594,20 +594,27 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
 def test_redacting_a_session_takes_the_wizards_name_out_of_the_studys_log(made: Folder) -> None:
     path = made.sessions[2]
     kept = {"wizard:NAME1", "engine", "command-line"}
+    design = made.study / "study.toml"
+    design.write_text(design.read_text("utf-8") + '\n[wizards]\nzelda = "W1"\n', "utf-8")
     with LockedLog(made.study) as log:
         for source in ("wizard:zelda", "engine", "command-line"):
             log.append("outcome", session=path.name, status="complete", reason="", source=source)
         log.append("checked", session=path.name, checks=[{"id": "lamp", "result": "passed", "source": "wizard:Zelda"}])
         log.append("outcome", session=made.sessions[3].name, status="complete", reason="", source="wizard:Zelda")
     report = RedactionReport(lines=3)
-    redact_in_study(path, report, Words([parse_replacement(each) for each in ("Zelda=NAME1", "wizard=NAME2")]))
+    pairs = [parse_replacement(each) for each in ("Zelda=NAME1", "wizard=NAME2")]
+    redact_in_study(path, report, Words(pairs, whole_words=True))
     entries = read_log(made.study)
     assert report.log_lines == 2
     assert kept <= {each.get("source") for each in entries if each.get("session") == path.name}
     assert [each["source"] for entry in entries for each in entry.get("checks") or () if "source" in each] == [
         "wizard:NAME1"
     ]
-    assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: not about this session"]
+    line = len(design.read_text("utf-8").splitlines())
+    assert report.remains == [
+        f"study.toml, line {line}: take them out yourself",
+        f"{LOG_FILE}, line {len(entries) - 1}: not about this session",
+    ]
 
 
 # --- what media.json names ---

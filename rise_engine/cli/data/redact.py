@@ -18,7 +18,13 @@ from rise_engine.cli.terminal import print_lines, refusing, show
 from rise_engine.privacy.redaction import RedactionReport, redact
 from rise_engine.privacy.suggestions import NameSuggestion, suggest_words
 from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
-from rise_engine.study.traces import PARTICIPANTS_FILE, owner_of, questionnaire_files, study_of_session
+from rise_engine.study.traces import (
+    PARTICIPANTS_FILE,
+    STUDY_FILE,
+    owner_of,
+    questionnaire_files,
+    study_of_session,
+)
 
 
 @click.command("redact")
@@ -157,7 +163,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
 def _of_people(study: Path, words: Words) -> list[str]:
     """List where the words are in files of the study that only people write."""
     found = []
-    for name in (PARTICIPANTS_FILE, *sorted(questionnaire_files(study))):
+    for name in (STUDY_FILE, PARTICIPANTS_FILE, *sorted(questionnaire_files(study))):
         with suppress(OSError):
             if lines := lines_with(study / name, words.find):
                 found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: take them out yourself")
