@@ -12,6 +12,7 @@ TRIAL_KEYS = {
     "state": "entering this state of a rule begins a trial; RULE/STATE where several rules have it, * for any text",
     "key": "a change of this memory key begins a trial",
     "columns": "memory values at the trial's end that are columns of trials.csv",
+    "speech": "the event that a program raises when the participant begins to speak",
     "measure": "the dependent variable: a column that is a number (participant_s)",
 }
 """The meaning of each entry of `[trials]`, for editors."""
@@ -30,6 +31,8 @@ class TrialSettings(Struct, frozen=True):
     columns: tuple[Expression, ...] = ()
     """Each is a memory key or a part of a value; its text is the column's name."""
     measure: str = PARTICIPANT
+    speech: str = ""
+    """The topic, without its slash, of the event at which the participant begins to speak. Empty: none says so."""
 
     def begins_at(self, rule: str, state: str) -> bool:
         """Whether entering a state begins a trial."""

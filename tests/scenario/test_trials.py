@@ -35,6 +35,15 @@ def test_it_is_read(tmp_path: Path) -> None:
     assert loaded.scenario is not None and (trials := loaded.scenario.trials) is not None
     assert ([each.text for each in trials.columns], trials.measure) == (["i", "items[i].text"], "key_s")
     assert trials.begins_at("Quiz", "Ask") and not trials.begins_at("Quiz", "Rest")
+    assert trials.speech == ""
+
+
+def test_the_event_of_the_participants_speech_is_read_and_a_use(tmp_path: Path) -> None:
+    loaded = load(scenario(tmp_path / "s", 'state = "Ask"\nspeech = "/speech_begins"'))
+    assert loaded.scenario is not None and loaded.scenario.trials is not None
+    assert loaded.scenario.trials.speech == "speech_begins"
+    uses = loaded.uses.of("event", "speech_begins")
+    assert [(each.place.file, each.place.line, each.place.column) for each in uses] == [("scenario.toml", 8, 12)]
 
 
 @pytest.mark.parametrize(
@@ -49,6 +58,7 @@ def test_it_is_read(tmp_path: Path) -> None:
         ('state = "Ask"\ncolumns = ["i + 1"]', "wrong-value", (8, 12), "not a memory key"),
         ('state = "Ask"\ncolumns = ["i", "i"]', "duplicate-name", (8, 17), "twice"),
         ('state = "Ask"\nmeasure = "participants"', "unknown-name", (8, 11), "did you mean `participant_s`"),
+        ('state = "Ask"\nspeech = "/"', "missing-value", (8, 10), "begins to speak"),
         ('stat = "Ask"', "unknown-key", (7, 1), "did you mean `state`"),
     ],
 )

@@ -90,7 +90,7 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
             return start, _named(checked.draft.acts, "act")
         case "rule" | "stop_rule":
             return start, _named(checked.draft.rules, "rule")
-        case "event":
+        case "event" | "speech":
             return start, _events(checked)
         case "measure" if table == "trials":
             return start, [Proposal(each, "value") for each in MEASURES]

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from rise_engine.expression import EvaluationError, Expression
 from rise_engine.kernel.behaviors import describe_behavior
-from rise_engine.kernel.records import AnyRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.records import AnyRecord, EventRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.rules import WITHOUT_ENTRY
 from rise_engine.results.analysis.model import (
     ActPart,
@@ -23,7 +23,7 @@ from rise_engine.results.analysis.model import (
 )
 from rise_engine.results.analysis.outages import interruption_between, worst
 from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
-from rise_engine.scenario.model import Json
+from rise_engine.scenario.model import Json, normal_topic
 from rise_engine.scenario.trial_settings import SPEECH, TrialSettings
 
 NoNumber: TypeAlias = (
@@ -82,7 +82,7 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     """Whether that act's speech was stopped or failed before its end."""
     cue_at: float | None = None
     speech_at: float | None = None
-    """When the participant first spoke, as somebody has annotated it."""
+    """When the participant first spoke, as somebody has annotated it or else a program has said."""
     key_at: float | None = None
     wizard_key: str = ""
     wizard_asked: str = ""
@@ -177,6 +177,8 @@ class _Spans:
     def __init__(self, data: SessionData, settings: TrialSettings) -> None:
         assert data.scenario is not None
         self.found: list[tuple[float, float, TrialEnd, dict[str, Json]]] = []
+        self.signals: list[float] = []
+        """When a program said that the participant began to speak."""
         self.repeated: list[float] = []
         """When failed acts were repeated."""
         self.asked: dict[int, float] = {}
@@ -210,6 +212,9 @@ class _Spans:
         elif isinstance(record, TaskRecord):
             if record.id in self._marked:
                 self.asked.setdefault(record.id, record.t)
+        elif isinstance(record, EventRecord):
+            if self._settings.speech and normal_topic(record.topic) == self._settings.speech:
+                self.signals.append(record.t)
         elif isinstance(record, FailureRecord) and record.status == "repeated":
             self.repeated.append(record.t)
 
@@ -291,7 +296,8 @@ class _Lists:
             (key.at, key) for key in data.keys if key.function not in _NO_REACTIONS and key.task not in started_aside
         )
         self._raised = _sorted(data.raised)
-        self._speech = _sorted((each.begin, each.begin) for each in data.coded if each.speech)
+        annotated = [each.begin for each in data.coded if each.speech]
+        self._speech = _sorted((at, at) for at in annotated or spans.signals)
         marks = [point for point in data.points if point.kind == "mistake"]
         self._marked_acts = _sorted((by_task[m.task].accepted_at, m.name) for m in marks if m.task in by_task)
         self._marked_keys = _sorted((spans.asked.get(m.task or 0), m.name) for m in marks if m.task not in by_task)

@@ -66,7 +66,10 @@ TRIALS = TableSchema(
         seconds(
             PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None
         ),
-        moment("speech_at", "the participant first spoke from asked_at on, as annotated in a tier of their speech."),
+        moment(
+            "speech_at",
+            "the participant first spoke from asked_at on, as annotated or else as an event said.",
+        ),
         seconds(SPEECH, "From asked_end to speech_at. Negative: the robot was still speaking.", minimum=None),
         moment("key_at", "the wizard pressed the first key from cue_at on; without a cue, from asked_at on."),
         Column("wizard_key", "The key, if the scenario declares it. Empty: no key, or a key of the console."),

@@ -39,7 +39,7 @@ _LEFT_OUT: dict[NoNumber, str] = {
     "end": "because we cannot tell when the robot fell silent",
     "cue": "because there was no cue",
     "key": "because the wizard pressed no key",
-    "speech": "because no speech of the participant is annotated",
+    "speech": "because no speech of the participant is known",
     "unset": "because {measure} has no value",
     "value": "because {measure} is not a number",
 }

@@ -99,6 +99,9 @@ class _SettingsUses:
         for path, text in (*texts, (("key",), table.get("key"))):
             for key in keys_in_expression(text) if isinstance(text, str) else ():
                 yield self.text_use("key", key.key, "trials", ("trials", *path), text, key.start)
+        speech = table.get("speech")
+        if isinstance(speech, str) and (topic := normal_topic(speech)):
+            yield self.text_use("event", topic, "trials", ("trials", "speech"), speech, speech.index(topic))
         state = table.get("state")
         if not isinstance(state, str) or "*" in state:
             return

@@ -12,7 +12,7 @@ from rise_engine.expression.nodes import Key, Part
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.files.toml_files import TomlTable, character_location
-from rise_engine.scenario.model import Rule, SourceLocation
+from rise_engine.scenario.model import Rule, SourceLocation, normal_topic
 from rise_engine.scenario.reading.expression_checks import expression_message, note_property
 from rise_engine.scenario.trial_settings import MEASURES, PARTICIPANT, TRIAL_KEYS, TrialSettings, fits_state
 
@@ -47,8 +47,10 @@ def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | No
         table.report_value("wrong-value", "key", "`key` is a memory key, whose change begins a trial")
     if state:
         draft.trial_states.append(Mention(state, partial(table.value_location, "state")))
-    columns = _read_columns(table, draft)
-    return TrialSettings(state, key, columns, _read_measure(table, columns)) if state or key is not None else None
+    columns, speech = _read_columns(table, draft), _read_speech(table)
+    if not state and key is None:
+        return None
+    return TrialSettings(state, key, columns, _read_measure(table, columns), speech)
 
 
 def _read_columns(table: TomlTable, draft: ScenarioDraft) -> tuple[Expression, ...]:
@@ -85,6 +87,14 @@ def _read_value(table: TomlTable, path: tuple[str, ...], text: Any, draft: Scena
         return None
     note_property(value, locate, draft)
     return value
+
+
+def _read_speech(table: TomlTable) -> str:
+    topic = normal_topic(table.read("speech", str, "", form=': speech = "/speech_begins"') or "")
+    if not topic and "speech" in table.values:
+        message = "`speech` names the event that a program raises when the participant begins to speak"
+        table.report_value("missing-value", "speech", message)
+    return topic
 
 
 def _read_measure(table: TomlTable, columns: Iterable[Expression]) -> str:

@@ -341,6 +341,20 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert (stopped.number("speech_s"), stopped.why_no_number("speech_s")) == (None, "stop")
 
 
+def test_an_event_says_when_the_participant_speaks_unless_somebody_has_annotated_it(tmp_path: Path) -> None:
+    heard = [task("raiseEventTopic", "/speech_begins", source="detector") for _ in range(3)]
+    script = [(1.0, task("startInteractionRule", "Visit")), (10.0, task("raiseEventTopic", "/tea", pressed=9.9))]
+    folder = play_session(tmp_path / "sessions", [*script, *zip((9.5, 15.0, 17.0), heard, strict=True)], until=40.0)
+    data = read(folder)
+    assert trials_of(data)[-1].speech_at is None, "the scenario does not name the event"
+    data = replace(data, scenario=replace(data.scenario, trials=replace(BY_STATE, speech="speech_begins")))
+    tea = trials_of(data)[-1]
+    assert (tea.start, tea.speech_at, tea.key_at) == (10.0, 15.0, None)
+    assert tea.asked_end is not None and tea.number("speech_s") == pytest.approx(15.0 - tea.asked_end)
+    coded = (CodedAnnotation(tier="P", begin=16.0, end=17.0, value="", speech=True),)
+    assert trials_of(replace(data, coded=coded))[-1].speech_at == 16.0
+
+
 def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:
     """The engine dies while the robot asks. The robot fell silent at a time that nobody knows, long before the cue."""
     asks = [(1.0, task("startInteractionRule", "Visit")), (10.0, task("raiseEventTopic", "/tea", pressed=9.9))]
