@@ -213,7 +213,10 @@ def test_the_study_counts_what_the_journal_says(study: Path) -> None:
     edit(folder / INFO, r'^participant = ".*"', 'participant = "P03"')
     state = read_state(study)
     assert next(each for each in state.sessions if each.name == folder.name).entry.participant == "P01"
-    assert state.standing.due[0] == f"{folder.name} was given another label: rise-engine study check says which"
+    sentence = f"{folder.name} was given another label: rise-engine study check says which"
+    assert state.standing.due[0] == sentence
+    status, said = run("study", "status", study)
+    assert status == 1 and sentence in said
 
 
 def test_the_journal_says_when_a_session_began(study: Path) -> None:

@@ -33,11 +33,13 @@ _log_errors = refusing(NOT_WRITTEN, of=StudyLogError)
 def status(study: Path, as_json: bool) -> int:
     """Show the state of STUDY (default: this folder): participants, cells, who is next, and what is left to do.
 
-    It writes nothing. Exit status: 0; 1 if a file of the study has errors, or a withdrawal was interrupted.
+    It writes nothing. Exit status: 0; 1 if a file of the study has errors, a session was given another label, or a
+    withdrawal was interrupted.
     """
     state = read_state(study.absolute())
     show(status_lines(state), status_json(state), as_json=as_json)
-    return REFUSED if state.interrupted or state.damaged else OK
+    relabelled = any(each.differences for each in state.sessions)
+    return REFUSED if relabelled or state.interrupted or state.damaged else OK
 
 
 @click.command("next")
