@@ -64,7 +64,8 @@ class Reassignment(Struct, frozen=True):
     @property
     def sentence(self) -> str:
         back = " and back" if self.participant == self.was else f" to {self.participant}"
-        return f"run as {self.was}, and reassigned{back}: {self.reason}"
+        was = "somebody who has withdrawn" if self.was.startswith(PREFIX) else self.was
+        return f"run as {was}, and reassigned{back}: {self.reason}"
 
     @property
     def labels(self) -> dict[str, Any]:

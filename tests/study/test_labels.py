@@ -753,7 +753,11 @@ def test_a_reassigned_session_is_still_proved_when_its_former_participant_has_wi
     assert f"{moved.name}/session.toml, line" in told and "the session was run under this name and reassigned" in told
     assert f"the name of sessions/{moved.name}: the session was run under this name" in told
     assert "study.jsonl, line" not in told, "it names the folder, which stays"
-    assert check_sessions(study)[0] == 0
+    status, lines = check_sessions(study)
+    assert (
+        status == 0
+        and f"{moved.name}: run as somebody who has withdrawn, and reassigned to P04: P04 sat there" in lines
+    )
     assert read_session(moved).facts.participant == "P04"
     assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] == 0
     edit(study / LOG_FILE, r'"participant":"P04"', '"participant":"P01"')
