@@ -27,7 +27,7 @@ from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.review import review_study
 from rise_engine.study.state import OpenStudy, due_retention, read_state
-from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
+from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, StudyLogError, read_log
 from rise_engine.study.traces import WORK_FOLDER, find_names, owner_of
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import Erasing, WithdrawalPlan
@@ -587,7 +587,7 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
     assert text.count("NAME1") == 3 and text.count("Zelda") == 1
     assert report.remains == [
         "participants.csv, line 3: take them out yourself",
-        f"{LOG_FILE}, line {len(entries) - 1}: not about this session",
+        f"{LOG_FILE}, line {len(entries) - 1}: about another session, or a path or a name that stays",
     ]
 
 
@@ -601,9 +601,9 @@ def test_redacting_a_session_takes_the_wizards_name_out_of_the_studys_log(made: 
             log.append("outcome", session=path.name, status="complete", reason="", source=source)
         log.append("checked", session=path.name, checks=[{"id": "lamp", "result": "passed", "source": "wizard:Zelda"}])
         log.append("outcome", session=made.sessions[3].name, status="complete", reason="", source="wizard:Zelda")
+        log.append("exported", path="/home/zelda/tables", participants=["P02"], sessions=[path.name])
     report = RedactionReport(lines=3)
-    pairs = [parse_replacement(each) for each in ("Zelda=NAME1", "wizard=NAME2")]
-    redact_in_study(path, report, Words(pairs, whole_words=True))
+    redact_in_study(path, report, Words([parse_replacement("Zelda=NAME1")]))
     entries = read_log(made.study)
     assert report.log_lines == 2
     assert kept <= {each.get("source") for each in entries if each.get("session") == path.name}
@@ -613,8 +613,11 @@ def test_redacting_a_session_takes_the_wizards_name_out_of_the_studys_log(made: 
     line = len(design.read_text("utf-8").splitlines())
     assert report.remains == [
         f"study.toml, line {line}: take them out yourself",
-        f"{LOG_FILE}, line {len(entries) - 1}: not about this session",
+        f"{LOG_FILE}, lines {len(entries) - 2}, {len(entries) - 1}: about another session, or a path or a name that "
+        "stays",
     ]
+    judged = LogEntry("outcome", "", {"source": "wizard:anna"}, 1)
+    assert judged.with_written(str.upper, sources=True).get("source") == "wizard:ANNA", "not what the program wrote"
 
 
 # --- what media.json names ---

@@ -11,6 +11,7 @@ import click
 
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
 from rise_engine.base.files import lines_with
+from rise_engine.base.json_codec import encode
 from rise_engine.base.text import name_some, pluralize
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli.options import HERE, JSON, SESSION
@@ -143,11 +144,11 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
             before = log.entries()
             after = [each.with_written(words.replace, sources=True) if is_about(each) else each for each in before]
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
-            others = [each.line for each in after if each.with_written(words.replace, sources=True) != each]
+            others = [each.line for each in after if words.find(encode([*each.fields.values()]).decode())]
             report.remains += _of_people(study, words)
             if others:
                 lines = f"line{'s' if len(others) > 1 else ''} {name_some(others)}"
-                report.remains.append(f"{LOG_FILE}, {lines}: not about this session")
+                report.remains.append(f"{LOG_FILE}, {lines}: about another session, or a path or a name that stays")
             if try_only:
                 return []
             if report.log_lines:
