@@ -729,6 +729,9 @@ def test_records_name_who_sat_there_and_tables_whom_it_was_run_under(
         assert [(each["participant"], each["run_as"]) for each in csv.DictReader(file) if each["run_as"]] == [
             ("P04", "P02")
         ]
+    assert run("export", study, "--format", "bids", "--level", level, "-o", tmp_path / "bids")[0] == 0
+    with (tmp_path / "bids" / "sub-P04" / "sub-P04_scans.tsv").open(encoding="utf-8") as file:
+        assert "P02" in [each["run_as"] for each in csv.DictReader(file, delimiter="\t")]
     assert "Reassigned" in run("report", moved, "--level", level)[1]
 
 

@@ -144,9 +144,8 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash scenario_changed_to "
-            "changed_keys speed "
-            "session_duration=duration_s downtime=downtime_s",
+            "rise_run=run attempt run_as purpose mode outcome robot driver injected_faults scenario_hash "
+            "scenario_changed_to changed_keys speed session_duration=duration_s downtime=downtime_s",
         ),
     }
 
