@@ -107,10 +107,12 @@ class Scheduler:
         self._advancing = False
 
     def let_go(self) -> None:
-        """Begin what has waited for a wizard: first the next actions of acts that run."""
+        """Begin what has waited for a wizard: first the next actions of all acts that run, then the line."""
         if self._core.waits_for_wizard:
             self._core.waits_for_wizard = False
+            self._advancing = True
             self.runner.go_on()
+            self._advancing = False
             self.advance()
 
     def _start_what_may(self) -> None:

@@ -260,6 +260,24 @@ def test_an_act_whose_wait_ends_meanwhile_goes_on_with_control(session: Session)
     assert [*session.goals] == ["1/2"]
 
 
+def test_all_acts_that_run_go_on_before_the_line_does(tmp_path: Path) -> None:
+    """Also when the first of them ends at once, and makes room for an act that needs the channel of another one."""
+    acts = dialog("Short", pause(1, 1000), pause(2, 0, "1")) + dialog("Look", pause(1, 1000), gaze(2, "1"))
+    session = Session(read(write(tmp_path, acts=acts + dialog("Nod", gaze(1)))))
+    session.act("Short", "Blocking")
+    session.act("Look", "None")
+    session.do(WAITS)
+    session.act("Nod", "Blocking")
+    session.wait(5)
+    session.lines()
+    session.do(TAKEN)
+    begun = [line for line in session.lines() if "started" in line]
+    assert begun == ["action Short/2 started", "action Look/2 started"]
+    assert session.cancels == ["2/2"], "then Nod is next"
+    session.report("2/2", "canceled")
+    assert session.lines()[-1] == "action Nod/1 started"
+
+
 def test_a_stop_reaches_what_waits_for_a_wizard(session: Session) -> None:
     session.act("Wait")
     session.act("Talk")

@@ -181,11 +181,13 @@ class Scheduler:
                 self._start(task, act)
 
     def somebody_has_control(self) -> None:
-        """What has waited for a wizard begins: first the actions of acts that run, then the line."""
+        """What has waited for a wizard begins: first the actions of all acts that run, then the line."""
         if self.waits_for_wizard:
             self.waits_for_wizard = False
+            self.arranging = True
             for run in list(self.running):
                 self.session.acts.go_on(run)
+            self.arranging = False
             self.arrange()
 
     def _interrupted(self, channels: frozenset[str], name: str) -> bool:
