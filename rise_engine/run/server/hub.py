@@ -244,6 +244,8 @@ class SessionHub:
             problem = "an observer never has control; attach as a wizard to have it"
         if not problem and client.role == "node":
             problem = "a program needs no control: it may submit at any time"
+        if not problem and verb in ("take", "ask") and self.engine.waits_for_wizard:  # it lets acts begin
+            problem = self._why_not_begin()
         if problem:
             answer(Reply(False, problem))
             return
@@ -300,10 +302,8 @@ class SessionHub:
             return "" if reports else "an observer reports nothing; attach as a wizard or a program"
         if message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
-        if message.function not in STOPPING and self.may_be_old():
-            return f"{MAY_BE_OLD}: ask again"
-        if message.function not in STOPPING and (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
-            return f"the disk has not recorded anything for {behind:.0f} s: ask again when it does"
+        if message.function not in STOPPING and (problem := self._why_not_begin()):
+            return problem
         if self.ending:
             return "the session is ending"
         if client.role == "node":
@@ -313,6 +313,14 @@ class SessionHub:
         if client.role == "observer":
             return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
         return f"you do not hold control: {self._holder_sentence()}"
+
+    def _why_not_begin(self) -> str:
+        """Return why nothing may begin that a client asks for now; empty: it may."""
+        if self.may_be_old():
+            return f"{MAY_BE_OLD}: ask again"
+        if (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
+            return f"the disk has not recorded anything for {behind:.0f} s: ask again once it records again"
+        return ""
 
     def _why_not_judge(self, client: AttachedClient, what: str) -> str:
         """Return why a client may not decide about the whole session; empty: it may.

@@ -210,6 +210,33 @@ def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(m
     assert told == [("the engine stood still for 12 s: what happened then is recorded late", 12.0), ("x", None)]
 
 
+def test_control_that_lets_acts_begin_is_not_taken_by_a_key_from_before_a_standstill(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In a session that waits for a wizard, it begins as much as a start does."""
+    now = [100.0]
+    monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: now[0])
+    played = HubSession(start=False)
+    played.engine.accept(SessionRecovered(waits_for_wizard=True))
+    played.does("wa attaches")
+    played.does("nb attaches")
+    played.does("nb acts")
+    played.hub.note_alive()
+    now[0] += 60.0
+    for deed in ("wa takes", "wa asks"):
+        assert "the engine stood still" in played.does(deed), deed
+    now[0] += 1.1
+    played.engine.journal_status = JournalStatus(behind=3.0)
+    assert "the disk has not recorded anything for 3 s" in played.does("wa takes")
+    assert not played.hub.view.running
+    played.engine.journal_status = JournalStatus()
+    assert played.does("wa takes") == "" and played.hub.view.running
+    played.hub.note_alive()
+    now[0] += 60.0
+    played.does("wc attaches")
+    assert played.does("wc takes") == "", "from then on, it begins nothing"
+
+
 def test_a_stop_does_not_wait_for_the_beginning_of_a_session() -> None:
     """On a full disk the first record may take long, and an earlier engine may have left something on the robot."""
     played = HubSession(start=False)
@@ -222,7 +249,10 @@ def test_nothing_starts_while_the_disk_is_behind() -> None:
     """Else people press the key again and again, and the robot does it that often."""
     played = HubSession()
     assert played.does("wa attaches") == ""
-    for behind, reason in ((2.0, ""), (3.4, "the disk has not recorded anything for 3 s: ask again when it does")):
+    for behind, reason in (
+        (2.0, ""),
+        (3.4, "the disk has not recorded anything for 3 s: ask again once it records again"),
+    ):
         played.hub.engine.journal_status = JournalStatus(behind=behind)
         assert reason in played.does("wa acts")
     for deed in ("wa stops", "wa marks", "wa notes"):
