@@ -490,22 +490,31 @@ class Engine:
                 self.end_now()
 
     def _drop_late(self, steps: Iterable[_UnrecordedStep]) -> None:
-        """Begin nothing of steps that were recorded too late, and nothing that has waited behind them: nobody expects
-        it any more."""
-        now = self.clock.now()
-        late = [step for step in steps if (now - step.t) / self.clock.speed > MOST_LATE_SECONDS]
-        starts = [start for step in late for start in step.starts]
-        if not starts and not any(_is_waiting(record) for step in late for record in step.records):
+        """Begin nothing of steps that were recorded too late, and nothing that they have added to the queue: nobody
+        expects it any more. What waits behind a Blocking act whose action does not begin is cancelled, too."""
+        late = [step for step in steps if self._age(step) > MOST_LATE_SECONDS]
+        if not late:
             return
-        why = f"it was recorded {(now - late[0].t) / self.clock.speed:.0f} s late, so it was not begun"
+        starts = [(start, self._age(step)) for step in late for start in step.starts]
         for step in late:
             step.starts.clear()
-        if waiting := tuple(self._kernel.scheduler.waiting):  # they must be gone before a start's end makes room
-            for task in waiting:
-                self.post(Submit(function="cancelTask", behavior=str(task.id), source="engine"))
+        scheduler, dropped = self._kernel.scheduler, {start.action.partition("/")[0] for start, _ in starts}
+        runs = [run for id, run in scheduler.runner.runs.items() if str(id) in dropped]
+        is_behind = any(run.task.calling_type != "None" for run in runs)
+        # What waits for a wizard begins only by their word.
+        waiting = [] if self.waits_for_wizard else scheduler.waiting
+        waiting = [task for task in waiting if is_behind or late[0].t <= task.accepted_at <= late[-1].t]
+        for task in waiting:  # they must be gone before a start's end makes room
+            self.post(Submit(function="cancelTask", behavior=str(task.id), source="engine"))
+        if waiting:
+            why = f"the record was up to {self._age(late[0]):.0f} s late"
             self.post(Note(text=f"{pluralize(len(waiting), 'waiting act')} cancelled: {why}"))
-        for start in starts:
-            self._post_not_begun(start, why)
+        for start, age in starts:
+            self._post_not_begun(start, f"it was recorded {age:.0f} s late, so it was not begun")
+
+    def _age(self, step: _UnrecordedStep) -> float:
+        """Return how many real seconds ago a step was."""
+        return (self.clock.now() - step.t) / self.clock.speed
 
     def _update_journal_status(self) -> None:
         journal = self._journal
@@ -615,10 +624,6 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
         return Reply(True)
     task = next(record for record in records if isinstance(record, TaskRecord))
     return Reply(task.status != "REJECTED", task.reason, task.id)
-
-
-def _is_waiting(record: AnyRecord) -> bool:
-    return isinstance(record, TaskRecord) and record.status == "PENDING"
 
 
 def _requests_stop(input: AnyInput) -> bool:

@@ -13,7 +13,15 @@ import pytest
 
 from rise_engine.base.files import Disk
 from rise_engine.kernel.commands import StartAction
-from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChanged, StopReport, Submit
+from rise_engine.kernel.inputs import (
+    ActionReport,
+    EstopReport,
+    Note,
+    RobotChanged,
+    SessionRecovered,
+    StopReport,
+    Submit,
+)
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -27,13 +35,15 @@ from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
+from rise_engine.scenario.model import Act, Action
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
 from tests.patience import PATIENCE
 from tests.run.engine.disks import FullDisk, StallingDisk
-from tests.run.engine.samples import GREETING, scenario, start
+from tests.run.engine.samples import GREETING, act, call, gaze, scenario, speech, start
 
 STOP = Submit(function="stopAll", source="wizard:anna")
+STARTING = ("PENDING", "ACTIVE")
 
 
 class Robot:
@@ -73,7 +83,7 @@ class Robot:
 
 
 class Session:
-    def __init__(self, path: Path, disk: Disk, *, begin: bool = True) -> None:
+    def __init__(self, path: Path, disk: Disk, *acts: Act, begin: bool = True) -> None:
         loop = asyncio.get_running_loop()
         self.turned = asyncio.Event()
         self.path = path
@@ -88,7 +98,7 @@ class Session:
 
         self.journal = Journal(path, changed=changed, disk=disk, retry=0.001)
         self.journal.append(encode_header("test"))
-        which = scenario(GREETING)
+        which = scenario(*(acts or (GREETING,)))
         self.engine = Engine(
             which, self.robot, RealClock(loop), 0, sinks=[self.records.append], journal=self.journal
         )  # fmt: skip
@@ -105,6 +115,11 @@ class Session:
             self.turned.clear()
             await asyncio.wait_for(self.turned.wait(), PATIENCE)
 
+    async def later(self, seconds: float) -> None:
+        passed = asyncio.Event()
+        self.engine.clock.call_at(self.engine.clock.now() + seconds, passed.set)
+        await passed.wait()
+
     def ask(self, fact: Submit) -> None:
         self.engine.accept(fact, self.replies.append)
 
@@ -116,8 +131,8 @@ class Session:
 
 
 @asynccontextmanager
-async def session(tmp_path: Path, disk: Disk) -> AsyncIterator[Session]:
-    it = Session(tmp_path / "journal.jsonl", disk)
+async def session(tmp_path: Path, disk: Disk, *acts: Act) -> AsyncIterator[Session]:
+    it = Session(tmp_path / "journal.jsonl", disk, *acts)
     await it.until(lambda: it.of(SessionRecord))
     try:
         yield it
@@ -186,27 +201,79 @@ async def test_an_action_whose_record_took_too_long_does_not_begin(
 async def test_nothing_that_has_waited_behind_a_late_act_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str
 ) -> None:
-    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
     disk = StallingDisk()
     async with session(tmp_path, disk) as it:
         if before == "an act":
             it.ask(start("Greet"))
             await it.until(lambda: it.robot.calls)
         disk.go.clear()
+        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
         for _ in range(3):
             it.ask(start("Greet"))
         if before == "an act":
             it.robot.report(ActionReport(action="1/1", status="failed"))
         asked = it.engine.clock.now()
-        later = asyncio.Event()
-        it.engine.clock.call_at(asked + 0.1, later.set)
-        await later.wait()
+        await it.later(0.1)
         disk.go.set()
         await it.until(lambda: it.engine.idle)
         assert it.robot.calls == (["start 1/1"] if before == "an act" else [])
         ended = [record for record in it.of(TaskRecord) if record.status == "CANCELED" and record.t > asked]
         assert len(ended) == 2
-        assert any("2 waiting acts cancelled: it was recorded 0 s late" in note.text for note in it.of(NoteRecord))
+        assert any(note.text == "2 waiting acts cancelled: the record was up to 0 s late" for note in it.of(NoteRecord))
+
+
+@pytest.mark.parametrize(
+    "also",
+    [
+        act("Side", gaze("1")),  # its only action does not begin
+        act("Side", Action("1", (call("Wait", duration=10),))),  # it begins, and ends
+    ],
+)
+async def test_what_was_recorded_in_time_waits_on_when_something_beside_it_is_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, also: Act
+) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk, act("Talk", speech("1")), also) as it:
+        it.ask(start("Talk"))
+        it.ask(start("Talk"))
+        await it.until(lambda: len(it.replies) == 2)
+        disk.go.clear()
+        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+        it.ask(start("Side", "None"))
+        await it.later(0.1)
+        disk.go.set()
+        await it.until(lambda: [r for r in it.of(TaskRecord) if r.behavior == "Side" and r.status not in STARTING])
+        assert [task.id for task in it.engine.kernel.scheduler.waiting] == [2]
+        assert not [note for note in it.of(NoteRecord) if "cancelled" in note.text]
+
+
+async def test_what_waits_for_a_wizard_is_not_cancelled_because_it_is_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It begins by their word, and not before."""
+    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", -1.0)
+    async with session(tmp_path, Disk()) as it:
+        it.engine.accept(SessionRecovered(waits_for_wizard=True))
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        assert len(it.engine.kernel.scheduler.waiting) == 1
+
+
+async def test_each_late_action_says_how_late_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.engine.post(Note(text="in flight"))
+        assert await asyncio.to_thread(disk.waits.wait, 10)
+        it.engine.post(Note(text="long ago"))
+        await it.later(1.6)
+        it.ask(start("Greet"))
+        await it.later(0.1)
+        disk.go.set()
+        await it.until(lambda: [record for record in it.of(ActionRecord) if record.status == "canceled"])
+        reasons = {record.reason for record in it.of(ActionRecord) if record.status == "canceled"}
+        assert reasons <= {f"it was recorded {seconds} s late, so it was not begun" for seconds in (0, 1)}
 
 
 async def test_a_disk_that_hung_is_noted_as_an_interruption(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
