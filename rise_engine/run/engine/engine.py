@@ -23,6 +23,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine import __version__
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.base.text import pluralize
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelAction, CancelOpenGoals, Command, StartAction, StopRobot
@@ -82,6 +83,8 @@ class _UnrecordedStep(Struct):
     reply: Reply
     t: float
     """The session time of the step."""
+    suspended: float
+    """`suspended_seconds` at that time."""
 
 
 class Engine:
@@ -445,7 +448,8 @@ class Engine:
                 position = self._journal.append(join_step(line, map(encode_record, records)))
                 starts = [command for command in commands if isinstance(command, StartAction)]
                 # Before the safe commands: a cancel may concern an action that has not gone out yet.
-                self._unrecorded_steps.append(_UnrecordedStep(position, records, starts, answer, reply, self._t))
+                step = _UnrecordedStep(position, records, starts, answer, reply, self._t, suspended_seconds())
+                self._unrecorded_steps.append(step)
                 for command in commands:
                     if not isinstance(command, StartAction):
                         self._carry_out_before_recording(command)
@@ -513,8 +517,8 @@ class Engine:
             self._post_not_begun(start, f"it was recorded {age:.0f} s late, so it was not begun")
 
     def _age(self, step: _UnrecordedStep) -> float:
-        """Return how many real seconds ago a step was."""
-        return (self.clock.now() - step.t) / self.clock.speed
+        """Return how many real seconds ago a step was. Session time stands still while the computer is suspended."""
+        return (self.clock.now() - step.t) / self.clock.speed + suspended_seconds() - step.suspended
 
     def _update_journal_status(self) -> None:
         journal = self._journal

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from rise_engine.base.files import Disk
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import (
     ActionReport,
@@ -245,6 +246,22 @@ async def test_what_was_recorded_in_time_waits_on_when_something_beside_it_is_la
         await it.until(lambda: [r for r in it.of(TaskRecord) if r.behavior == "Side" and r.status not in STARTING])
         assert [task.id for task in it.engine.kernel.scheduler.waiting] == [2]
         assert not [note for note in it.of(NoteRecord) if "cancelled" in note.text]
+
+
+async def test_what_was_on_its_way_to_the_disk_during_a_suspend_does_not_begin_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Session time stood still, so it is not late by that."""
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.ask(start("Greet"))
+        before = suspended_seconds()
+        monkeypatch.setattr("rise_engine.run.engine.engine.suspended_seconds", lambda: before + 3600)
+        disk.go.set()
+        await it.until(lambda: [record for record in it.of(ActionRecord) if record.status == "canceled"])
+        assert it.robot.calls == []
+        assert {"it was recorded 3600 s late, so it was not begun"} < {r.reason for r in it.of(ActionRecord)}
 
 
 async def test_what_waits_for_a_wizard_is_not_cancelled_because_it_is_late(
