@@ -223,7 +223,7 @@ class Engine:
         """
         if self._last_record_made or self._end_reason is not None:
             return
-        if self._kernel.is_busy or self._kernel.rules.standing() or self._commands.has_timers:
+        if self._must_stop_first or self._kernel.rules.standing() or self._commands.has_timers:
             self.accept(Submit(function="stopAll", source="engine"))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
@@ -239,8 +239,7 @@ class Engine:
         self._end_reason = reason
         self._end_by = self.clock.now() + END_SECONDS
         self.clock.call_at(self._end_by, self.end_now)
-        # What waits to be recorded may begin something.
-        if self._is_robot_busy or bool(self._queue) or self.paused if stop is None else stop:
+        if self._must_stop_first if stop is None else stop:
             self.post(Submit(function="stopAll", source="engine"))
         self._end_if_idle()
 
@@ -587,6 +586,11 @@ class Engine:
     def _is_robot_busy(self) -> bool:
         """Whether an act runs or waits, a stop is unanswered, or the robot may still be doing what has ended here."""
         return self._kernel.is_busy or bool(self._kernel.holding_goals)
+
+    @property
+    def _must_stop_first(self) -> bool:
+        """Whether the robot is stopped before the end. What waits to be recorded may begin something."""
+        return self._is_robot_busy or bool(self._queue) or self.paused
 
     def _end_if_idle(self) -> None:
         waits = self._stepping or self._queue or self._is_robot_busy or self.paused

@@ -15,6 +15,7 @@ from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
     NoteRecord,
+    OpenGoal,
     RobotRecord,
     SessionRecord,
     StopRecord,
@@ -224,6 +225,14 @@ def test_ending_with_a_robot_that_never_answers_waits_for_the_kernels_deadline_o
     assert_one_ending_each(records)
     assert s.of(StopRecord)[-1].unconfirmed == ("generic/speech",)
     assert s.clock.now() < 10
+
+
+def test_before_the_end_everything_that_is_open_is_stopped_at_once() -> None:
+    """Recorders need up to 19 s to finish, and the robot must not go on so long."""
+    s = Session(scenario(GREETING), InstantRobot())
+    s.engine.post(RobotChanged(status="degraded", open=(OpenGoal("pepper/base", "1/1", "Drive", "no answer"),)))
+    s.engine.stop_before_end()
+    assert s.robot.calls == ["connect", "stop_all"]
 
 
 def test_ending_now_gives_every_action_an_ending() -> None:
