@@ -30,7 +30,9 @@ from rise_engine.run.server.client_names import find_lookalike, name_problem
 
 _LOG = logging.getLogger(__name__)
 
-ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
+MAKES_SAFE = frozenset({"stopAll", "cancelOpenGoals"})
+"""Functions that never wait, not even for the session's beginning."""
+ALLOWED_WITHOUT_CONTROL = MAKES_SAFE | {"markMistake"}
 """Functions for every attached client: they start nothing. Every client may also add notes."""
 STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopRuleOfAct", "cancelTask"})
 """Functions that can be late and do no harm."""
@@ -291,7 +293,7 @@ class SessionHub:
             self.take_over(client.source, answer)
 
     def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
-        if isinstance(message, Submit) and message.function == "stopAll":
+        if isinstance(message, Submit) and message.function in MAKES_SAFE:
             return ""
         if not self._has_begun:
             return "the session has not begun yet"

@@ -36,6 +36,7 @@ from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.scenario.model import Act, Action
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
@@ -516,6 +517,21 @@ async def test_a_session_that_begins_on_a_full_disk_begins_when_there_is_room(tm
     assert it.records[0].status == "started"
     it.engine.abandon()
     await asyncio.to_thread(it.journal.close, 5.0)
+
+
+async def test_what_is_open_is_cancelled_also_before_a_recovery_is_recorded(tmp_path: Path) -> None:
+    it = Session(tmp_path / "journal.jsonl", FullDisk(errno.ENOSPC), begin=False)
+    await it.until(lambda: it.engine.paused)
+    hub = SessionHub(it.engine)
+    it.engine.start()
+    it.robot.report(RobotChanged(status="degraded", open=(OpenGoal("pepper/body", "1/1", "Nod", "it is slow"),)))
+    wizard = hub.attach("anna", "wizard")
+    hub.submit(wizard, start("Greet"), it.replies.append)
+    assert it.replies == [Reply(False, "the session has not begun yet")]
+    hub.submit(wizard, Submit(function="cancelOpenGoals"), it.replies.append)
+    assert it.robot.calls == ["cancel open"]
+    it.engine.abandon()
+    await asyncio.to_thread(it.journal.close, 1.0)
 
 
 async def test_what_is_open_is_cancelled_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
