@@ -391,7 +391,7 @@ class Engine:
         """Make the robot safe if the input requests that, although nothing can be recorded, and tell what is known
         about stops. What has not gone out yet never starts."""
         if _requests_stop(input):
-            for step in self._unrecorded_steps:
+            for step in tuple(self._unrecorded_steps):  # more may come, because the disk may be back at any moment
                 starts, step.starts[:] = tuple(step.starts), ()
                 for start in starts:
                     self._post_not_begun(start)

@@ -440,6 +440,24 @@ async def test_what_had_not_gone_out_before_a_stop_never_starts(
         assert ended["1"] == ("canceled", "it had not begun yet")
 
 
+async def test_a_stop_is_carried_out_also_if_the_disk_is_back_in_that_moment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The journal's thread says so between two looks of the engine."""
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.EIO
+        it.ask(start("Greet", "None"))
+        it.ask(start("Greet", "None"))
+        await it.until(lambda: it.engine.paused)
+        looks = iter([True, True])
+        with monkeypatch.context() as patch:
+            patch.setattr(Engine, "paused", property(lambda engine: next(looks, False)))
+            it.ask(STOP)
+        disk.number = None
+        assert "stop" in it.robot.calls and "start 1/1" not in it.robot.calls
+
+
 async def test_a_stop_that_the_disk_refuses_first_is_told(tmp_path: Path) -> None:
     """Nobody sees its record, but everybody sees that the robot was told to stop, and what it answered."""
     disk = FullDisk()
