@@ -88,6 +88,8 @@ class SessionHub:
         self._end_session = end or engine.end
         self.take_over: Callable[[str, ReplyCallback], object] | None = None
         """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
+        self.on_wizards_gone: Callable[[], object] = lambda: None
+        """Called when the last wizard has gone."""
         self.view = SessionView() if view is None else view
         """The present state, read-only."""
         self._all_tasks: list[TaskView] | None = None
@@ -175,6 +177,8 @@ class SessionHub:
             self._set_control("released" if next_holder is None else "given", client, next_holder)
         elif client is self._requester:
             self._set_control("released", client, self._holder)
+        if client.role == "wizard" and not self.has_wizard:
+            self.on_wizards_gone()
 
     def summary(self) -> SessionSummary:
         """Summarize the session, without what only its server knows."""

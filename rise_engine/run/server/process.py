@@ -45,7 +45,8 @@ from rise_engine.session.journal_format import encode_header
 RECORD_SECONDS = 5.0
 """Real seconds that the disk gets to take the last records."""
 LEFTOVER_SECONDS = 5.0
-"""Seconds after a recovery in which a wizard can attach and decide about what the robot is still doing."""
+"""Seconds after a recovery, and after the last wizard has left, in which one can attach and decide about what the robot
+is still doing."""
 POLL_SECONDS = 0.5
 """Interval between two checks of the journal, so that a lag shows, and of this process, so that a standstill does."""
 
@@ -218,7 +219,8 @@ class _SessionProcess:
             for sentence in recovered.report:
                 engine.post(Note(text=sentence))
             if options.get("leftovers") != "keep":
-                self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
+                self.hub.on_wizards_gone = self._look_for_leftovers
+                self._look_for_leftovers()
             return
         engine.start()
         for report in self.prepared.options.checks:
@@ -249,9 +251,14 @@ class _SessionProcess:
             return None
         return source if session == self.prepared.folder.name else None
 
+    def _look_for_leftovers(self) -> None:
+        self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
+
     def _cancel_leftovers(self) -> None:
         """Stop what an earlier engine left running, if no wizard is there to decide about it."""
-        if not self.hub.has_wizard and self.engine.holding_goals:
+        if not self.engine.holding_goals:  # all has ended, or people have released it
+            self.hub.on_wizards_gone = lambda: None
+        elif not self.hub.has_wizard:
             self.engine.accept(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:

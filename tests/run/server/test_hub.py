@@ -7,11 +7,13 @@ from unicodedata import normalize
 
 import pytest
 
+from rise_engine.kernel.commands import CancelOpenGoals
 from rise_engine.kernel.inputs import (
     CheckReport,
     Note,
     OutcomeReport,
     RecordingReport,
+    RobotChanged,
     SessionRecovered,
     Submit,
     SyncMark,
@@ -21,6 +23,7 @@ from rise_engine.kernel.records import (
     CheckRecord,
     ControlRecord,
     NoteRecord,
+    OpenGoal,
     OutcomeRecord,
     RecordingRecord,
     SessionRecord,
@@ -33,6 +36,7 @@ from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import ClientInput, JournalStatus, Rejected, Reply
 from rise_engine.run.server.hub import AttachedClient, SessionHub
+from rise_engine.run.server.process import _SessionProcess
 from tests.run.engine.samples import GREETING, profile, scenario
 
 REPORTS: dict[str, ClientInput] = {
@@ -413,6 +417,57 @@ def test_who_attaches_to_a_session_that_waits_for_a_wizard_has_to_take_control()
     played.does("wa leaves")
     played.does("wc attaches")
     assert played.control[-1] == ("taken", C, C), "once it goes on, as ever"
+
+
+class Recovered(_SessionProcess):
+    """An engine that has found on the robot what an earlier one has left, and no more of its process."""
+
+    def __init__(self, played: HubSession) -> None:
+        self.hub, self.engine, self.looks = played.hub, played.engine, []  # type: ignore[var-annotated]
+        played.engine.accept(SessionRecovered(waits_for_wizard=True))
+        played.engine.post(RobotChanged(status="degraded", open=(OpenGoal("base", "1/1", "Drive", "no answer"),)))
+        self.hub.on_wizards_gone = self._look_for_leftovers
+        self._look_for_leftovers()
+
+    def _look_for_leftovers(self) -> None:
+        self.looks.append(self._cancel_leftovers)
+
+    def look(self) -> None:
+        self.looks.pop()()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_cancelled"),
+    [
+        ("", "", True),
+        ("wa attaches", "", False),
+        ("wa attaches", "wa leaves", True),  # undecided
+        ("wa attaches", "wa takes, wa leaves", True),
+        ("wa attaches, wb attaches", "wa leaves", False),
+        ("wa attaches", "wa takes, wa keeps, wa leaves", False),
+        ("wa attaches, wa takes, wa keeps", "wa leaves", False),
+    ],
+)
+def test_what_an_earlier_engine_left_is_cancelled_when_nobody_is_there_who_decides(
+    monkeypatch: pytest.MonkeyPatch, before: str, after: str, is_cancelled: bool
+) -> None:
+    played = HubSession(start=False)
+    process = Recovered(played)
+    asked: list[object] = []
+    monkeypatch.setattr(played.engine._commands, "run", asked.append)  # this robot knows no open goals
+
+    def does(deeds: str) -> None:
+        for deed in filter(None, deeds.split(", ")):
+            assert deed == "wa keeps" or played.does(deed) == ""
+            if deed == "wa keeps":  # the robot says that nothing holds it any more
+                played.engine.post(RobotChanged(status="connected"))
+
+    does(before)
+    process.look()
+    does(after)
+    if process.looks:
+        process.look()
+    assert (CancelOpenGoals("") in asked) is is_cancelled
 
 
 def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_later(
