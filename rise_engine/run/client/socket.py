@@ -91,7 +91,10 @@ class SocketClient:
         """Session time, speed, and the time of this process' clock then."""
 
     async def attach(self) -> AttachReply:
-        """Attach as `Client` does. Raises EngineGone, with the engine's sentence, also if the engine refuses."""
+        """Attach as `Client` does. Raises EngineGone, with the engine's sentence, also if the engine refuses.
+
+        An engine that stands still may go on: for a client that was attached before, only the link is lost.
+        """
         await self._disconnect()
         connection = await _ServerConnection.open(self._socket_path())
         try:
@@ -100,7 +103,8 @@ class SocketClient:
             scenario = await self._find_scenario(hello, connection.scenario)
         except TimeoutError:
             await connection.close()
-            raise EngineGone(
+            gone = EngineGone if self._clock_at_attach is None else LinkLost  # who was attached tries again
+            raise gone(
                 f"the engine of the session at {self._socket_path()} gives no sign of life: look at the robot, and "
                 "at the computer that runs the engine"
             ) from None

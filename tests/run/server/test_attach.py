@@ -56,6 +56,21 @@ async def test_an_engine_that_stands_still_is_told(scratch: Path, monkeypatch: p
             await client.attach()
 
 
+async def test_who_was_attached_keeps_trying_while_the_engine_stands_still(
+    scratch: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may go on, and then the stop key must reach it."""
+    async with served(scratch, GREETING) as session:
+        client = session.client()
+        await client.attach()
+        with monkeypatch.context() as patch:
+            patch.setattr("rise_engine.run.client.socket.ATTACH_SECONDS", 0.0)
+            with pytest.raises(LinkLost, match="gives no sign of life: look at the robot"):
+                await client.attach()
+        await client.attach()
+        assert (await client.send(Submit(function="stopAll"))).accepted
+
+
 def test_the_state_on_the_wire_has_every_field_of_a_view() -> None:
     assert set(ViewWithoutTasks.__struct_fields__) == set(SessionView.__struct_fields__) - {"tasks"}
 
