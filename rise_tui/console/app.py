@@ -454,7 +454,7 @@ class ConsoleApp(TerminalApp):
             )
             if end and self._session.store.end_unrecorded:
                 code = NOT_WRITTEN
-            elif end and self._session.store.view.left_open:
+            elif end and (closed == "late" or self._session.store.view.left_open):
                 code = STILL_RUNNING
         elif self._day.source is not None:
             busy = self.study_screen.busy if self.study_screen is not None else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -113,6 +114,22 @@ async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_
         await it.until(lambda: client.closed == [True])
         folder = "~/rise-sessions/2026-11-21_141503_demo-study_debug"
         await has_left(it, f"ended: the record is in {folder}\nwhat happened: rise-engine report {folder}")
+
+
+async def test_an_end_that_is_not_confirmed_in_time_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rise_tui.console.exit_dialogs.END_PATIENCE", 0.2)
+    client = FakeClient(demo())
+
+    async def close(*, end_session: bool = False, reason: str = "") -> None:
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(client, "close", close)
+    async with console(client=client) as it:
+        await asked_to_end(it)
+        await it.press(*"end", "enter")
+        await it.until(lambda: not it.app.is_running)
+        assert "did not end within 0.2 s: look at the robot" in it.app.exit_message
+        assert it.app.return_code == STILL_RUNNING
 
 
 def test_of_much_that_runs_it_is_said_how_much_more() -> None:
