@@ -56,8 +56,8 @@ class Confirmations:
 
     def __init__(self, console: ConsoleHost) -> None:
         self._console = console
-        self._control_shown: tuple[str | None, str | None] = (None, None)
-        """Who had control, and who asked for it, when the question about control opened."""
+        self._control_shown: object = None
+        """Who had control, who asked for it, and what it would begin, when the question about control opened."""
         self._stop_shown = 0
         """The number of the stop that the question about the release is about."""
 
@@ -145,10 +145,8 @@ class Confirmations:
         """Ask what should happen to control, depending on who has it and who asks for it."""
         console = self._console
         store = console.store
-        waiting = [act_label(task.function, task.behavior) for task in store.waiting_tasks]
-        begins = waiting if store.view.waits_for_wizard else None
-        lines, choices = control_question(store.view.control, store.view.asked, store.own_name, key_name, begins)
-        self._control_shown = self._holder_and_asker()
+        holder, asker, begins = self._control_shown = self._control_facts()
+        lines, choices = control_question(holder, asker, store.own_name, key_name, begins)
         verbs: dict[str, ControlVerb] = {choice.key: choice.verb for choice in choices}
         dialog = Dialog(
             "Control", lines, *(DialogChoice(choice.key, choice.title) for choice in choices), no="Leave it"
@@ -166,13 +164,17 @@ class Confirmations:
             self.close_release_question()
 
     def close_outdated_control_question(self) -> None:
-        """Close the question about control when somebody else now has it or asks for it."""
-        if self._holder_and_asker() != self._control_shown:
-            self._withdraw("-control", "control has just changed: the question about it was closed")
+        """Close the question about control when somebody else now has it or asks for it, or it would begin something
+        else."""
+        if self._control_facts() != self._control_shown:
+            self._withdraw("-control", "control, or what it begins, has just changed: the question was closed")
 
-    def _holder_and_asker(self) -> tuple[str | None, str | None]:
-        view = self._console.store.view
-        return view.control, view.asked
+    def _control_facts(self) -> tuple[str | None, str | None, list[str] | None]:
+        """Who has control, who asks for it, and the acts that go on when somebody takes it; None: it begins nothing."""
+        store = self._console.store
+        tasks = (*store.running_tasks, *store.waiting_tasks)
+        begins = [act_label(task.function, task.behavior) for task in tasks] if store.view.waits_for_wizard else None
+        return store.view.control, store.view.asked, begins
 
     def _withdraw(self, kind: str, lines: str) -> None:
         for screen in self._console.app.screen_stack:

@@ -94,7 +94,7 @@ class ConsoleScreen(Screen[None]):
         if "flash" in parts and self.store.flash is not None:  # immediately: a camera records the moment
             overlays.show_flash(self.app, self.store.flash.number)
         self.refresh_scheduler.schedule(parts)
-        if "status" in parts:
+        if parts & {"status", "acts"}:
             self.confirmations.close_outdated_control_question()
             self.confirmations.close_outdated_release_question()
 

@@ -29,7 +29,7 @@ KeyNames: TypeAlias = Callable[[str], str]
 
 
 MOST_NAMED = 5
-"""How many waiting acts the question about control names."""
+"""How many acts the question about control names."""
 
 
 class BlockedReason(Struct, frozen=True):
@@ -180,16 +180,20 @@ def control_lost_text(taken: ControlLost, key: str) -> str:
 def control_question(
     holder: str | None, asker: str | None, own_name: str, key_name: KeyNames, begins: Sequence[str] | None = None
 ) -> tuple[list[str], list[ControlChoice]]:
-    """The dialog about control: its lines and its choices. `begins`: the acts that wait in a recovered session."""
+    """The dialog about control: its lines and its choices. `begins`: the acts that then go on or begin, in a
+    recovered session that waits for a wizard."""
     is_own = holder == own_name
     release = ControlChoice("release", "r", "Release it")
     if not is_own and holder is None:
         lines = ["Nobody has control. Every console can still stop the robot."]
         if begins is not None:
-            lines += ["The session was recovered. When you take control, it goes on", "with everything that waits:"]
+            lines += [
+                "The session was recovered. When you take control, it goes on",
+                "with everything that runs or waits:",
+            ]
             lines += [f"  {name}" for name in begins[:MOST_NAMED]] or ["  nothing at the moment"]
             lines += [f"  and {len(begins) - MOST_NAMED} more"] if len(begins) > MOST_NAMED else []
-            lines += [f"If the robot should do nothing of that, stop everything first ({key_name('stop')})."]
+            lines += [f"If the robot should do none of that, stop everything first ({key_name('stop')})."]
         return lines, [ControlChoice("take", "t", "Take it")]
     if not is_own and asker == own_name:
         lines = [f"{short_name(holder)} has control and knows that you ask for it."]

@@ -48,7 +48,9 @@ class SchedulerPane(ListPane):
         return QueuedTask(typical, max(0.0, elapsed), task.calling_type != "None")
 
     def _time_left_span(self, task: TaskView) -> StyledSpan:
-        """For a running task: its elapsed, usual and remaining time."""
+        """For a running task: its elapsed, usual and remaining time, unless its next action waits for a wizard."""
+        if self.store.view.waits_for_wizard and all(action.ended is not None for action in task.actions.values()):
+            return "waits for a wizard", "wait"
         queued = self._queued_task(task)
         if queued.typical_seconds is None or queued.seconds_left is None:
             return f"for {format_duration(queued.elapsed_seconds)}", "plain"

@@ -101,3 +101,6 @@ async def test_of_what_waits_for_a_wizard_no_time_is_told() -> None:
         await queue(it)
         assert it.text("scheduler").count("not known") == 3 and "in ~" not in it.text("scheduler")
         assert "1 running, 3 waiting until somebody takes control" in it.pane("scheduler").title.text
+        it.client.time += 600.0
+        await it.pilot.pause(1.1)
+        assert "waits for a wizard" in it.text("scheduler") and " over" not in it.text("scheduler")

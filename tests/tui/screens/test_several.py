@@ -117,11 +117,25 @@ async def test_a_recovered_session_says_that_it_waits_and_with_what_it_will_go_o
             it.client.act(name, "PENDING")
         await it.until(lambda: len(it.screen.store.view.waiting) == 7)
         question = await opened(it)
-        assert "it goes on\nwith everything that waits:\n  Greet\n  Nod\n" in question
+        assert "it goes on\nwith everything that runs or waits:\n  Greet\n  Nod\n" in question
         assert "  and 2 more\n" in question and "stop everything first (F9)" in question
         await it.press("t")
         await it.until(lambda: it.client.verbs == ["take"])
         await it.until(lambda: not it.bars.attention_bar.display)
+
+
+async def test_the_question_in_a_recovered_session_names_what_runs_and_is_closed_when_something_joins() -> None:
+    """An act whose wait has ended meanwhile goes on at once, before those in the line."""
+    async with console(client=FakeClient(demo(), holder=None), size=(80, 24)) as it:
+        it.client.act("Greet")
+        it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
+        await it.until(lambda: it.screen.store.view.waits_for_wizard)
+        assert "that runs or waits:\n  Greet\nIf the robot should do none of that" in await opened(it)
+        it.client.act("Nod", "PENDING")  # a rule's time runs out
+        await it.back()
+        assert "control, or what it begins, has just changed" in it.notice
+        await it.press("t")
+        assert "  Greet\n  Nod\n" in await opened(it) and it.client.verbs == []
 
 
 async def test_who_has_control_is_asked_in_a_line_that_stays_gives_it_and_releases_it() -> None:
