@@ -14,12 +14,13 @@ from rise_tui.rendering.text import format_clock
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
 RECOVERY_LINES = (
-    "the engine starts again, and the session goes on.",
-    "What the robot was doing counts as lost:",
-    "nothing is repeated automatically. A real robot",
-    "begins nothing before somebody takes control.",
+    "Recover  the engine starts again, and the session goes on.",
+    "         What the robot was doing counts as lost; nothing",
+    "         is repeated automatically. A real robot begins",
+    "         nothing until somebody takes control, unless its",
+    '         profile has unattended = "go on".',
 )
-
+"""What to recover a session means."""
 
 END_KEY = "ctrl+x"
 """Asks to end the session. No study can bind it, and it opens only a question that needs a typed word."""
@@ -40,7 +41,7 @@ def leave_dialog(store: Store) -> Dialog:
 
 def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
     """The choices when the engine has gone during a session."""
-    lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
+    lines = list(RECOVERY_LINES)
     if store.attach_reply.role == "observer":
         lines = ["Watch    goes on, once somebody has recovered the session."]
     lines = [session_title(store), f"Its record ends at {format_clock(store.view.t)}.", "", *lines]

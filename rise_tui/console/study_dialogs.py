@@ -15,6 +15,7 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.study_source import SessionPreview, SessionRequest, StudySource
+from rise_tui.console.exit_dialogs import RECOVERY_LINES
 from rise_tui.model.check_list import CheckList
 from rise_tui.model.study_rows import HIDDEN, Conditions, begun_text, condition_names, session_line
 from rise_tui.rendering.text import StyledLine, StyledSpan, clean, format_clock, wrap
@@ -207,10 +208,7 @@ def ask_about_unfinished(
     lines = [
         *entry_lines(entry),
         "",
-        "Recover  the engine starts again, and the session goes on.",
-        "         What the robot was doing counts as lost;",
-        "         nothing is repeated automatically. A real robot",
-        "         begins nothing before you take control.",
+        *RECOVERY_LINES,
         "Give up  you record the outcome. If it is aborted, the",
         "         participant may run it again, as a new attempt.",
     ]

@@ -19,7 +19,7 @@ from rise_engine.run.protocol.client import AttachReply, EngineGone, UnrecordedS
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.console.exit_dialogs import END_KEY, END_PATIENCE, end_patience, exit_message
+from rise_tui.console.exit_dialogs import END_KEY, END_PATIENCE, end_patience, engine_gone_dialog, exit_message
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
@@ -232,6 +232,11 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         it.client = again
         await it.press("ctrl+g")
         await it.until(lambda: again.asked() == [("stopAll", "")])
+
+
+def test_nothing_is_promised_about_a_robot_whose_profile_may_let_it_go_on() -> None:
+    said = " ".join(" ".join(engine_gone_dialog(a_store(FakeClient(demo())))._lines).split())
+    assert 'nothing until somebody takes control, unless its profile has unattended = "go on".' in said
 
 
 async def test_who_does_not_recover_leaves() -> None:

@@ -660,6 +660,7 @@ async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
         said = "\n".join((question._title, *question._lines))
         for piece in ("P05 · run 1 · A+quiet did not end", "Started 2026-11-21 14:15", "its record ends at 00:14:32"):
             assert piece in said
+        assert 'unless its\n         profile has unattended = "go on".' in said
         await at.press("escape")
         await at.gone_back()
         assert at.source.judged == [] and at.source.recovered == []
