@@ -83,7 +83,7 @@ def _control_line(store: Store) -> StyledLine:
     if store.attach_reply.replay:
         return ()
     if store.view.waits_for_wizard:
-        said = f" recovered: nothing begins before somebody takes control: {key_text('control')} "
+        said = f" recovered: nothing begins until somebody takes control: {key_text('control')} "
         return ((said, "call"),)
     if store.control_lost is not None and not store.has_control:
         return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)

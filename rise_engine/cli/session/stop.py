@@ -61,7 +61,7 @@ def stop(which: str | None) -> int:
             folder = read_lock(lock)[1] or folder
         time.sleep(0.02)
     if folder is None:
-        print_notes(f"{name} has ended before its session began")
+        print_notes(f"{name} ended before its session began")
         return OK
     if not has_ended(folder):
         raise Refused(f"{name} has ended, and its record has no end: look at the robot", status=NOT_WRITTEN)

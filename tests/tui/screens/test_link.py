@@ -100,7 +100,7 @@ async def test_in_a_session_that_waits_for_a_wizard_control_does_not_come_back_b
         it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
         it.client.control_record("released", "wizard:anna", None)
         await attached_again(it)
-        await it.until(lambda: "nothing begins before somebody takes control: F8" in it.bars.attention_bar.text)
+        await it.until(lambda: "nothing begins until somebody takes control: F8" in it.bars.attention_bar.text)
         await it.until(lambda: not it.screen.store.reclaims_control)
         assert it.client.verbs == []
 

@@ -111,7 +111,7 @@ async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() 
 async def test_a_recovered_session_says_that_it_waits_and_with_what_it_will_go_on() -> None:
     async with console(client=FakeClient(demo(), holder=None), size=(80, 24)) as it:
         it.client.emit(SessionRecord(0, 0.0, "", status="recovered", waits_for_wizard=True))
-        said = "recovered: nothing begins before somebody takes control: F8"
+        said = "recovered: nothing begins until somebody takes control: F8"
         await it.until(lambda: it.bars.attention_bar.text.strip() == said)
         for name in ("Greet", *["Nod"] * 6):
             it.client.act(name, "PENDING")
