@@ -213,8 +213,8 @@ class Engine:
         downtime = None
         if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
             downtime = round(max(0.0, away - lived_on), 3)
-        why, waits = "its engine had gone", waits_for_wizard
-        self.accept(SessionRecovered(versions=versions(), reason=why, downtime=downtime, waits_for_wizard=waits))
+        first = SessionRecovered(reason="its engine had gone", downtime=downtime, waits_for_wizard=waits_for_wizard)
+        self.accept(replace(first, versions=versions()))
 
     def stop_before_end(self) -> None:
         """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
@@ -339,7 +339,7 @@ class Engine:
             if self.paused and self._kernel.stop.latched:
                 self._carry_out_before_recording(StopRobot())
             self._process_queue()
-        elif self.paused and not (_requests_stop(input) or self._cancels_open_goals(input)):
+        elif self.paused and not (requests_stop(input) or self._cancels_open_goals(input)):
             assert self._journal is not None
             answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
         else:
@@ -390,7 +390,7 @@ class Engine:
     def _stop_while_paused(self, input: AnyInput) -> None:
         """Make the robot safe if the input requests that, although nothing can be recorded, and tell what is known
         about stops. What has not gone out yet never starts."""
-        if _requests_stop(input):
+        if requests_stop(input):
             for step in tuple(self._unrecorded_steps):  # more may come, because the disk may be back at any moment
                 starts, step.starts[:] = tuple(step.starts), ()
                 for start in starts:
@@ -398,7 +398,7 @@ class Engine:
             self._carry_out_before_recording(StopRobot())
         elif isinstance(input, Submit) and self._cancels_open_goals(input):
             self._carry_out_before_recording(CancelOpenGoals(input.behavior))
-        if _requests_stop(input) or isinstance(input, StopReport):
+        if requests_stop(input) or isinstance(input, StopReport):
             self._update_journal_status()
 
     def _cancels_open_goals(self, input: AnyInput) -> bool:
@@ -634,7 +634,8 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
     return Reply(task.status != "REJECTED", task.reason, task.id)
 
 
-def _requests_stop(input: AnyInput) -> bool:
+def requests_stop(input: AnyInput) -> bool:
+    """Whether an input stops everything. It never waits, whatever else does."""
     if isinstance(input, EstopReport):
         return input.pressed
     return isinstance(input, Submit) and input.function == "stopAll"
@@ -651,18 +652,15 @@ def _stop_in_force(recovered: RecoveredSession | None) -> UnrecordedStop | None:
 
 def _stop_after(stop: UnrecordedStop | None, news: AnyInput | AnyRecord) -> UnrecordedStop | None:
     """Return the stop in force after an input or a record."""
-    if isinstance(news, Submit | EstopReport) and _requests_stop(news):
-        return UnrecordedStop(news.source)
-    if isinstance(news, StopRecord) and news.status == "requested":
-        return UnrecordedStop(news.source)
-    if isinstance(news, StopRecord) and news.status == "released":
-        return None
-    if (
-        stop is not None
-        and isinstance(news, StopReport | StopRecord)
-        and getattr(news, "status", "latched") == "latched"
-    ):
-        return UnrecordedStop(stop.source, True, news.confirmed, news.unconfirmed, news.unstoppable)
+    match news:
+        case Submit() | EstopReport() if requests_stop(news):
+            return UnrecordedStop(news.source)
+        case StopRecord(status="requested"):
+            return UnrecordedStop(news.source)
+        case StopRecord(status="released"):
+            return None
+        case StopReport() | StopRecord(status="latched") if stop is not None:
+            return UnrecordedStop(stop.source, True, news.confirmed, news.unconfirmed, news.unstoppable)
     return stop
 
 

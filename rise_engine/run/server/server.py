@@ -24,9 +24,8 @@ from msgspec.structs import replace
 
 from rise_engine.base.lag_meter import LagMeter
 from rise_engine.base.time_slicer import TimeSlicer
-from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.task_view import TaskView
-from rise_engine.run.engine.engine import versions
+from rise_engine.run.engine.engine import requests_stop, versions
 from rise_engine.run.protocol.client import Heartbeat, JournalStatus, Rejected, Reply, Update
 from rise_engine.run.protocol.messages import (
     MAX_LINE_BYTES,
@@ -233,7 +232,7 @@ class SessionServer:
         match message:
             case SendMessage() if size > MAX_MESSAGE_BYTES:
                 answer(Reply(False, f"a message may have {MAX_MESSAGE_BYTES:,} bytes at most"))
-            case SendMessage(message=input) if connection.unanswered > MAX_UNANSWERED and not _is_stop(input):
+            case SendMessage(message=input) if connection.unanswered > MAX_UNANSWERED and not requests_stop(input):
                 answer(Reply(False, f"{MAX_UNANSWERED} of your messages are not answered yet; wait"))
             case SendMessage(message=input):
                 self.hub.submit(client, input, answer)
@@ -362,10 +361,6 @@ class SessionServer:
 def _refuse(connection: ClientConnection, reason: str) -> None:
     """End a connection with a sentence."""
     connection.finish(encode_line(RefusedMessage(reason)))
-
-
-def _is_stop(message: object) -> bool:
-    return isinstance(message, Submit) and message.function == "stopAll"
 
 
 def _state_pieces(first: bytes, tasks: list[TaskView], sent: set[int]) -> Iterator[bytes]:
