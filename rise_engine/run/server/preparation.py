@@ -257,8 +257,8 @@ class SessionPreparation:
         def on_progress(sentence: str) -> None:
             report(StartupProgress(f"recovering: {sentence}"))
 
-        self.name_lock.write_folder(folder)
         try:
+            self.name_lock.write_folder(folder)
             with one_at_a_time(folder.parent):
                 self._refuse_if_running(read_info(folder).scenario_folder)
                 self.lock = JournalLock(folder / JOURNAL, here=self.options.from_other_computer)
@@ -267,7 +267,7 @@ class SessionPreparation:
             holder = error.holder
             socket = holder.socket if holder and holder.is_this_computer else ""
             raise ServeRefused(exit_status.ALREADY_RUNNING, str(error), socket=socket) from None
-        except SessionError as error:
+        except (OSError, SessionError) as error:
             raise ServeRefused(exit_status.UNRECOVERABLE, f"{folder.name} cannot be recovered: {error}") from None
         info = self.recovered.info
         self.scenario, self.folder = self.recovered.scenario, folder
