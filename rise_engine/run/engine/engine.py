@@ -213,8 +213,14 @@ class Engine:
         downtime = None
         if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
             downtime = round(max(0.0, away - lived_on), 3)
-        first = SessionRecovered(reason="its engine had gone", downtime=downtime, waits_for_wizard=waits_for_wizard)
-        self.accept(replace(first, versions=versions()))
+        self.accept(
+            SessionRecovered(
+                versions=versions(),
+                reason="its engine had gone",
+                downtime=downtime,
+                waits_for_wizard=waits_for_wizard,
+            )
+        )
 
     def stop_before_end(self) -> None:
         """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
