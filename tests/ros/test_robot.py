@@ -352,6 +352,27 @@ def test_a_second_server_that_appears_during_a_stop_was_not_asked() -> None:
     assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
 
 
+@pytest.mark.parametrize("was_known", [True, False])
+def test_what_goes_on_is_not_confirmed_because_a_second_server_did_not_know_it(was_known: bool) -> None:
+    """Somebody has started the wrapper twice, and ends the second one during the stop."""
+    robot = Alone()
+    if was_known:  # what others begin later is not taken over
+        robot.start("0/a")
+        robot.run(6)
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=600, cancel="refuse"))
+    robot.run(7)
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
+    robot.run(8)
+    robot.robot.stop_all()
+    robot.run(15)
+    twin.close()
+    robot.run(35)
+    assert robot.servers[SPEECH].running() == [OTHERS]
+    assert not any("pepper/speech" in report.confirmed for report in robot.of(StopReport))
+    assert robot.of(StopReport)[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
+
+
 def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
     robot = Alone()
     robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=8, cancel="reject", status=False))

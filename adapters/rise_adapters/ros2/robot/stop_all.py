@@ -132,6 +132,8 @@ class CancelAll:
         if presence.changes != self._servers:
             self._servers = presence.changes
             self.answer, self.is_asked = None, False
+            self._over.clear()  # another server said so, perhaps one that has gone
+            self._asked_by_id.clear()
             self._must_tell = self._must_tell or self._was_running
             self._has_confirmed = self._has_confirmed and not presence.count
         if running and self._has_confirmed:
@@ -142,7 +144,8 @@ class CancelAll:
                 self._moved_since = True
         elif not (running or self._moved_since or self.answer is None) and presence.count:
             is_known = self.endpoint.was_heard if self._must_tell else self.endpoint.is_known
-            self._has_confirmed = presence.count == 1 and is_known and not self._has_rejected
+            is_free = presence.count == 1 and not self.endpoint.open
+            self._has_confirmed = is_free and is_known and not self._has_rejected
         self._was_running = bool(running)
         return self._has_confirmed
 
