@@ -322,34 +322,52 @@ def test_what_goes_away_during_a_stop_is_asked_again_when_it_is_back() -> None:
     assert robot.of(StopReport) == [both, back, both]
 
 
-def test_what_goes_on_at_a_server_that_is_back_is_not_confirmed_before_its_status_arrives() -> None:
+@pytest.mark.parametrize("then", ["it is waited for", "everything is stopped again", "the connection is made anew"])
+def test_what_goes_on_at_a_server_that_is_back_is_not_confirmed_before_its_status_arrives(then: str) -> None:
     """rclpy answers a refusal as if nothing ran."""
     robot = Alone()
+    robot.start("0/a")  # what others begin later is not taken over
+    robot.run(6)
     robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60, cancel="refuse"))
-    robot.run(1)
+    robot.run(7)
     robot.stop()
-    robot.wire.forget("/robot")
-    robot.run(5)
-    robot.wire.delay("*/status", 3.0)
-    robot.wire.heal("/robot")
-    before = len(robot.of(StopReport))
+    anew = "anew" in then
+    if anew:
+        robot.near.break_down("the context was shut down")
+    else:
+        robot.wire.forget("/robot")
     robot.run(12)
+    robot.wire.delay("*/status", 3.0)
+    before = len(robot.of(StopReport))
+    if anew:
+        robot.robot.switch_transport(MemoryTransport(robot.wire, robot.loop, "/engine_again"))
+    else:
+        robot.wire.heal("/robot")
+    robot.run(13)
+    if "again" in then:
+        robot.robot.stop_all()
+    robot.run(20)
     since = robot.of(StopReport)[before:]
     assert since[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
     assert not any("pepper/speech" in report.confirmed for report in since)
 
 
-def test_a_second_server_that_appears_during_a_stop_was_not_asked() -> None:
+def test_what_is_back_and_runs_nothing_has_not_refused() -> None:
     robot = Alone()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60, cancel="refuse"))
     robot.run(1)
     robot.stop()
-    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
-    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
-    robot.run(6)
-    assert robot.of(StopReport)[-1].unconfirmed == ("pepper/speech (2 servers, and only one can have answered)",)
-    twin.close()
-    robot.run(8)
-    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+    robot.far.close()
+    robot.run(5)
+    robot.far = MemoryTransport(robot.wire, robot.loop, "/robot")
+    robot.serve()
+    before = len(robot.of(StopReport))
+    robot.run(12)
+    since = robot.of(StopReport)[before:]
+    assert {why for report in since for why in report.unconfirmed if "speech" in why} == {
+        "pepper/speech (it has only just appeared)"
+    }
+    assert since[-1].confirmed == ("pepper/look_at", "pepper/speech")
 
 
 @pytest.mark.parametrize("was_known", [True, False])

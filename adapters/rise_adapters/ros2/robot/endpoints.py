@@ -182,6 +182,8 @@ class ActionEndpoint(_ComparedEndpoint):
         super().__init__(label, transport, mapping, clock)
         self.was_heard = False
         """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
+        self._was_running = False
+        """Whether something ran there when it went, and it has not told since what became of that."""
         self._status_found_at: float | None = None
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
@@ -203,6 +205,7 @@ class ActionEndpoint(_ComparedEndpoint):
         """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
+            self._was_running = bool(self.client.unfinished_goals()) or not self.has_told
             self.client.statuses.clear()
             self.was_heard = False
             self._status_found_at = self._unanswered_at = None
@@ -214,6 +217,11 @@ class ActionEndpoint(_ComparedEndpoint):
             if self.is_silent and self._clock.now() >= self._probed_at + PROBE_SECONDS:
                 self._probe()
         return gone
+
+    @property
+    def has_told(self) -> bool:
+        """Whether it would show what it is doing. If something ran there when it went, only its status tells."""
+        return self.was_heard if self._was_running else self.is_known
 
     def _is_heard_out(self) -> bool:
         """Whether a status from before its appearance would have arrived by now."""

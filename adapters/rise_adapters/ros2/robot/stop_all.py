@@ -74,8 +74,6 @@ class CancelAll:
         self._over: set[bytes] = set()
         """... and that it reported as unknown or over."""
         self._has_confirmed = False
-        self._was_running = self._must_tell = False
-        """Whether something ran there at the last look; and when its servers changed: then only a status confirms."""
         self.is_reported = False
         """From now on, goals that others begin there are left to them, and reported."""
         self._moved_since = False
@@ -134,7 +132,6 @@ class CancelAll:
             self.answer, self.is_asked = None, False
             self._over.clear()  # another server said so, perhaps one that has gone
             self._asked_by_id.clear()
-            self._must_tell = self._must_tell or self._was_running
             self._has_confirmed = self._has_confirmed and not presence.count
         if running and self._has_confirmed:
             self._has_confirmed = False
@@ -143,10 +140,8 @@ class CancelAll:
             elif presence.count:
                 self._moved_since = True
         elif not (running or self._moved_since or self.answer is None) and presence.count:
-            is_known = self.endpoint.was_heard if self._must_tell else self.endpoint.is_known
             is_free = presence.count == 1 and not self.endpoint.open
-            self._has_confirmed = is_free and is_known and not self._has_rejected
-        self._was_running = bool(running)
+            self._has_confirmed = is_free and self.endpoint.has_told and not self._has_rejected
         return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
@@ -159,7 +154,7 @@ class CancelAll:
             return "something was begun there after the stop"
         if presence.count > 1:
             return f"{presence.count} servers, and only one can have answered"
-        if not (endpoint.is_known or self.find_running()):
+        if not (endpoint.has_told or self.find_running()):
             return "it has only just appeared"
         if self.answer is None:
             return "asked, no answer"
