@@ -401,6 +401,21 @@ def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
     assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech"), "it is asked until it has ended"
 
 
+def test_an_answer_to_a_stop_that_comes_after_its_release_stops_nobody_elses_goal() -> None:
+    robot = Alone()
+    robot.run(1)
+    late = robot.wire.hold("*speech*cancel_goal", what="reply")
+    robot.robot.stop_all()
+    robot.run(4)
+    robot.start("1/a", "LookAt")  # it was released, and the study goes on
+    robot.run(5)
+    robot.servers[SPEECH].foreign(OTHERS, LONG)
+    robot.run(6)
+    late.release()
+    robot.run(10)
+    assert robot.servers[SPEECH].running() == [OTHERS]
+
+
 def test_an_error_of_the_middleware_hinders_neither_a_stop_nor_what_comes_after_it() -> None:
     robot = Alone(LONG)
     robot.start()

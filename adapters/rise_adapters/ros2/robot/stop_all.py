@@ -74,6 +74,8 @@ class CancelAll:
         self._over: set[bytes] = set()
         """... and that it reported as unknown or over."""
         self._has_confirmed = False
+        self.is_over = False
+        """Whether the stop is over: others may begin things again, and late answers change nothing there."""
         self.is_reported = False
         """From now on, goals that others begin there are left to them, and reported."""
         self._moved_since = False
@@ -96,7 +98,8 @@ class CancelAll:
         for goal in answer.goals:
             if goal in own:
                 own[goal].cancellation.confirm()
-        self._ask_about_others(changed)
+        if not self.is_over:
+            self._ask_about_others(changed)
         changed()
 
     @property
@@ -253,8 +256,10 @@ class StopAll:
             self._finish()
 
     def abandon(self) -> None:
-        """Stop reporting."""
+        """Stop reporting and asking."""
         self._is_abandoned = True
+        for cancel in self._cancels:
+            cancel.is_over = True
         if self._timer is not None:
             self._timer.cancel()
 
