@@ -79,6 +79,8 @@ class _ComparedEndpoint:
         self.presence = ServerPresence(clock)
         self.comparison = EndpointComparison()
         """The result of the last comparison."""
+        self.told: object = 0
+        """`others`, as the goals there were told last."""
         self.open: dict[str, OpenOne] = {}
         """The open goals that hold it, by action. While there are any, it gets nothing else."""
         self._transport = transport
@@ -110,7 +112,7 @@ class _ComparedEndpoint:
     @property
     def others(self) -> object:
         """Who is on the other side; a change of it is a change for the goals there."""
-        return self.presence.count
+        return self.presence.changes
 
     def compare(self) -> bool:
         """Compare the other side with the profile, unless nothing has changed since the last time. This runs before
@@ -233,10 +235,20 @@ class ActionEndpoint(_ComparedEndpoint):
         return self._status_found_at is not None and now >= self._status_found_at + HEARING_SECONDS
 
     def compare(self) -> bool:
+        before = self.comparison.programs
         looked = super().compare()
+        if before and self.comparison.programs and not before & self.comparison.programs:
+            self._change_program()
         if self.presence.count and (looked or not self.lifecycle.node):
             self.lifecycle.follow_server(self.name)
         return looked
+
+    def _change_program(self) -> None:
+        """Note that its program was started again between two polls. (Its new status may be here already.)"""
+        self.presence.changes += 1
+        self._was_running = bool(self.client.unfinished_goals()) or not self.has_told
+        self.was_heard = False
+        self._status_found_at = None
 
     def mark_unanswered(self) -> None:
         """Note that it owes an answer that did not arrive in time."""

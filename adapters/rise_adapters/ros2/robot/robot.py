@@ -78,6 +78,10 @@ class Ros2Robot:
         self._timer: Timer | None = None
         self._next_poll = inf
         """The time of the next timer event."""
+        self._poll_soonest = POLL_SOONEST
+        """Seconds until that at least. After an error, goals may be due that could not be polled."""
+        self._last_error = ""
+        """The last error that was logged: one that lasts is logged once."""
         self._stop: StopAll | None = None
         self._reported: RobotHealth | None = None
         """The robot's state in the last report."""
@@ -229,11 +233,7 @@ class Ros2Robot:
         steps: list[Callable[[], object]] = [topic.begin_stop for topic in topics]
         steps += [goal.cancel for goal in tuple(self._goals.values())]
         steps += [self._poll_endpoints, *(partial(topic.tell, everybody=True) for topic in topics)]
-        for step in steps:
-            try:
-                step()
-            except Exception:  # a mistake of ours, or of the middleware; the other steps must not suffer
-                _LOG.exception("a step of a stop has failed")
+        self._attempt(steps)
         self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
         self._stop.begin()
 
@@ -253,8 +253,7 @@ class Ros2Robot:
             return
         self._closed = True
         self._report = _ignore
-        for goal in tuple(self._goals.values()):
-            goal.cancel()
+        self._attempt([goal.cancel for goal in self._goals.values()])
         if self._stop is not None:
             self._stop.abandon()
         if self._timer is not None:
@@ -341,7 +340,7 @@ class Ros2Robot:
         when = min((goal.next_deadline() for goal in self._live.values()), default=inf)
         if self._reported is None:
             when = min(when, self._grace_until)
-        when = max(now + POLL_SOONEST, min(when, now + interval))
+        when = max(now + self._poll_soonest, min(when, now + interval))
         if when < self._next_poll:
             if self._timer is not None:
                 self._timer.cancel()
@@ -354,46 +353,57 @@ class Ros2Robot:
         self._timer, self._next_poll = None, inf
         if self._closed:
             return
-        try:
-            self._poll_endpoints()
-            if self._estop is not None and not self._transport.failure():
-                self._estop.poll()
-            self._leftovers.poll()
-            for goal in tuple(self._live.values()):
-                goal.poll()
-            self._report_standing()
-        finally:  # also after an error of the middleware: without a timer, nobody would watch the robot any more
-            self._set_timer()
+        steps: list[Callable[[], object]] = [self._poll_endpoints]
+        if self._estop is not None and not self._transport.failure():
+            steps.append(self._estop.poll)
+        steps.append(self._leftovers.poll)
+        went_well = self._attempt(steps)
+        went_well &= self._attempt([goal.poll for goal in self._live.values()])
+        went_well &= self._attempt([self._report_standing])
+        self._poll_soonest = POLL_SOONEST if went_well else POLL_RUNNING
+        self._last_error = "" if went_well else self._last_error
+        self._set_timer()
+
+    def _attempt(self, steps: Iterable[Callable[[], object]]) -> bool:
+        """Do all of these. An error of one (a mistake of ours, or of the middleware) keeps none of the others from it.
+        Returns whether all went well."""
+        went_well = True
+        for step in steps:
+            try:
+                step()
+            except Exception as error:
+                went_well = False
+                if repr(error) != self._last_error:
+                    self._last_error = repr(error)
+                    _LOG.exception("a part of the robot could not be asked or told")
+        return went_well
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
         """Check which servers are there (all, unless some are named), and tell their goals. Endpoints that appear or
         change are compared with the profile. One other endpoint is also compared each time, because a program can be
         replaced between two polls."""
-        lost = bool(self._transport.failure())
-        changed: list[tuple[Endpoint, bool]] = []
         turn = next(self._turn, None) if some is None else None
-        for endpoint in self._endpoints if some is None else some:
-            before = endpoint.others
-            gone = endpoint.poll(0 if lost else None)
-            if not lost and (endpoint is turn or endpoint.others != before or not endpoint.comparison.complete):
-                self._compare_endpoint(endpoint)
-            if endpoint.others != before:
-                changed.append((endpoint, gone))
-            if isinstance(endpoint, TopicEndpoint):
-                endpoint.tell(everybody=self._stop is not None)
+        polled = tuple(self._endpoints if some is None else some)
+        self._attempt(partial(self._poll_endpoint, endpoint, turn) for endpoint in polled)
+        changed = [endpoint for endpoint in polled if endpoint.others != endpoint.told]
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":
             self._report_standing()  # report the loss first, so that nothing new is begun in response
-        for endpoint, gone in changed:
-            for goal in tuple(self._goals.values()):
-                if goal.endpoint is endpoint:
-                    if gone:
-                        goal.on_server_gone()
-                    elif endpoint.presence.count:
-                        goal.on_server_changed()
+        for endpoint in changed:
+            endpoint.told = endpoint.others
+            there = [goal for goal in self._goals.values() if goal.endpoint is endpoint]
+            self._attempt(goal.on_server_changed if endpoint.presence.count else goal.on_server_gone for goal in there)
         if self._stop is not None:
             self._stop.poll()
+
+    def _poll_endpoint(self, endpoint: Endpoint, turn: Endpoint | None) -> None:
+        before, lost = endpoint.others, bool(self._transport.failure())
+        endpoint.poll(0 if lost else None)
+        if not lost and (endpoint is turn or endpoint.others != before or not endpoint.comparison.complete):
+            self._compare_endpoint(endpoint)
+        if isinstance(endpoint, TopicEndpoint):
+            endpoint.tell(everybody=self._stop is not None)
 
     def _compare_endpoint(self, endpoint: Endpoint) -> None:
         looked = endpoint.compare()
