@@ -32,7 +32,6 @@ from rise_adapters.ros2.actions.client import (
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import NOT_HEARD, ActionEndpoint, Endpoint, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
-from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
 
@@ -86,7 +85,7 @@ class CancelAll:
         self.is_asked = True
         try:
             self.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, self._servers, changed))
-        except PortError as error:
+        except Exception as error:  # the others must be asked, whatever it is
             _LOG.warning("%s could not be asked to stop: %s", self.endpoint.name, error)
 
     def _take_answer(self, servers: int, changed: Callable[[], None], answer: CancelResponse) -> None:
@@ -188,7 +187,7 @@ class CancelAll:
             servers = self.endpoint.presence.changes
             try:
                 self.endpoint.client.cancel(goal, partial(self._take_answer_about, goal, servers, changed))
-            except PortError as error:
+            except Exception as error:
                 _LOG.warning("%s could not be asked about a goal: %s", self.endpoint.name, error)
 
     def _take_answer_about(
