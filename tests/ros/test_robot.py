@@ -457,6 +457,20 @@ def test_an_error_of_the_middleware_hinders_neither_a_stop_nor_what_comes_after_
     assert robot.of(RobotChanged)[-1].status == "lost"
 
 
+def test_an_open_goal_is_not_forgotten_because_a_twin_that_has_just_come_does_not_know_it() -> None:
+    robot = Alone(Plan(seconds=600, cancel="refuse"))
+    robot.run(1)
+    robot.start()
+    robot.run(2)
+    robot.robot.cancel("1/a")
+    robot.run(12.01)
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
+    robot.robot.cancel_open_goals("")  # before the next look finds the twin
+    robot.run(20)
+    assert robot.of(RobotChanged)[-1].open and robot.servers[SPEECH].running()
+
+
 def failing(times: int) -> Any:
     """A call of the middleware that fails so often; afterwards nothing is there."""
     left = [times]

@@ -410,8 +410,8 @@ class ActionGoal:
     def _is_forgotten(self, servers: int) -> bool:
         """Whether the goal is over because the server does not know it. `servers`: those of that time."""
         presence = self.endpoint.presence
-        if presence.count != 1 or presence.changes != servers:
-            return False  # another server may have it
+        if presence.count != 1 or presence.changes != servers or self.endpoint.client.count_servers() != 1:
+            return False  # another server may have it, perhaps one that no poll has found yet
         programs = self.endpoint.comparison.programs
         was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
         return self._accepted is not None or was_replaced
