@@ -13,7 +13,7 @@ from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, Acti
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
-from rise_adapters.ros2.transport.port import RemoteEndpoint
+from rise_adapters.ros2.transport.port import PortError, RemoteEndpoint
 
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
@@ -791,6 +791,17 @@ def test_two_actions_with_one_server_share_it() -> None:
     robot.run(3)
     assert len(robot.servers[SPEECH].executed) == 2 and robot.stop().confirmed == ("pepper/look_at", "pepper/speech")
     assert [report.status for report in robot.of(ActionReport)].count("succeeded") == 2
+
+
+@pytest.mark.parametrize("reset", [{"reset": {"data": "other"}}, {"unstoppable": True}])
+def test_two_actions_on_one_topic_have_one_reset_however_its_name_is_written(reset: dict[str, Any]) -> None:
+    """The reset of one would not take back what the other has published."""
+    which = with_eyes(reset={"data": "neutral"})
+    carrier = {**EYES, "message": {"data": "{value}"}, **reset, "topic": "/pepper/eyes"}
+    mood = msgspec.structs.replace(which.actions["Emotion"], carrier=carrier)
+    which = msgspec.structs.replace(which, actions={**which.actions, "Mood": mood})
+    with pytest.raises(PortError, match="the resets of Emotion and Mood, which both go to /pepper/eyes, differ"):
+        Alone(which=which)
 
 
 def test_labels_are_short_and_never_the_same() -> None:

@@ -112,6 +112,10 @@ class Ros2Robot:
                 made[key] = self._make_endpoint(mapping, labels[names[action]])
             endpoint_of[action] = shared = made[key]
             if isinstance(shared, TopicEndpoint):
+                other = next(each for each in endpoint_of if endpoint_of[each] is shared)
+                resets = [self._profile.actions[each].carrier.get("reset") for each in (other, action)]
+                if resets[0] != resets[1]:  # of one name that the profile writes in two ways
+                    raise PortError(f"the resets of {other} and {action}, which both go to {shared.name}, differ")
                 shared.is_harmless = shared.is_harmless and mapping.harmless
         self._endpoint_of = endpoint_of
         """By the action's name in the profile; actions may share one."""
