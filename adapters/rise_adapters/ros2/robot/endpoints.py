@@ -186,6 +186,8 @@ class ActionEndpoint(_ComparedEndpoint):
         """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
         self._was_running = False
         """Whether something ran there when it went, and it has not told since what became of that."""
+        self._programs: frozenset[bytes] = frozenset()
+        """The programs that offered it last."""
         self._status_found_at: float | None = None
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
@@ -235,20 +237,20 @@ class ActionEndpoint(_ComparedEndpoint):
         return self._status_found_at is not None and now >= self._status_found_at + HEARING_SECONDS
 
     def compare(self) -> bool:
-        before = self.comparison.programs
         looked = super().compare()
-        if before and self.comparison.programs and not before & self.comparison.programs:
-            self._change_program()
+        if programs := self.comparison.programs:
+            if self._programs and not self._programs & programs:
+                self._change_program()
+            self._programs = programs
         if self.presence.count and (looked or not self.lifecycle.node):
             self.lifecycle.follow_server(self.name)
         return looked
 
     def _change_program(self) -> None:
-        """Note that its program was started again between two polls. (Its new status may be here already.)"""
+        """Note that its program was started again, perhaps between two polls. What ran there does not go on."""
         self.presence.changes += 1
-        self._was_running = bool(self.client.unfinished_goals()) or not self.has_told
-        self.was_heard = False
-        self._status_found_at = None
+        self.presence.appeared_at = self._clock.now()
+        self._was_running = False
 
     def mark_unanswered(self) -> None:
         """Note that it owes an answer that did not arrive in time."""
