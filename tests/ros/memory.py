@@ -158,16 +158,16 @@ class MemoryWire:
         self.rules.append(rule)
         return rule
 
-    def kill(self, node: str) -> None:
-        """Cut a node off without a goodbye: SIGKILL, a cable. The others still see it, until `forget`."""
+    def kill(self, node: str | MemoryTransport) -> None:
+        """Cut a node (all of that name, or this one) off without a goodbye: SIGKILL, a cable. The others still see it, until `forget`."""
         self.killed |= set(self._named(node))
 
-    def forget(self, node: str) -> None:
+    def forget(self, node: str | MemoryTransport) -> None:
         """The others notice that the node is gone, and it sees nobody else."""
         self.kill(node)
         self.forgotten |= set(self._named(node))
 
-    def heal(self, node: str) -> None:
+    def heal(self, node: str | MemoryTransport) -> None:
         """The link is back. What was latched meanwhile arrives."""
         healed = set(self._named(node)) & self.killed
         self.killed -= healed
@@ -179,8 +179,8 @@ class MemoryWire:
                         for subscription in other.subscriptions:
                             publisher.greet(subscription)
 
-    def _named(self, node: str) -> list[MemoryTransport]:
-        return [transport for transport in self.transports if transport.node == node]
+    def _named(self, node: str | MemoryTransport) -> list[MemoryTransport]:
+        return [transport for transport in self.transports if node in (transport, transport.node)]
 
     # --- what was sent ---
 

@@ -7,6 +7,7 @@ few events, on a wire in memory and in virtual time. What each of the robot's pr
 from __future__ import annotations
 
 import random
+from collections import Counter
 from collections.abc import Collection
 from typing import Any, Literal
 
@@ -80,7 +81,7 @@ class World:
         self.profile = replace(whole, actions={"Emotion": emotion})
         self.programs: list[Program] = []
         """Those that live."""
-        self.made = self.sent_before = 0
+        self.sent_before = 0
         self.base: Program | None = None
         self.bag: Program | None = None
         self.is_vague = False
@@ -201,21 +202,21 @@ class World:
         """The link of the base is gone. (On topics nobody has noticed.)"""
         if self.base is not None and not self.base.is_cut:
             self.base.is_cut, self.sent_before = True, len(self.wire.messages(NAME))
-            self._kill(self.base.transport.node)
+            self._kill(self.base.transport)
             if self.kind == "service":
                 self.notice()
 
     def notice(self) -> None:
         """The leases of those that are cut off or dead run out. (After 20 s, they do so by themselves.)"""
         for transport in tuple(self.wire.killed):
-            self.wire.forget(transport.node)
+            self.wire.forget(transport)
 
-    def _kill(self, node: str) -> None:
-        self.wire.kill(node)
+    def _kill(self, transport: MemoryTransport) -> None:
+        self.wire.kill(transport)
 
         def expire() -> None:
-            if any(each.node == node for each in self.wire.killed):
-                self.wire.forget(node)
+            if transport in self.wire.killed:
+                self.wire.forget(transport)
 
         self.loop.call_later(20.0, expire)
 
@@ -224,14 +225,14 @@ class World:
         if base is not None and base.is_cut:
             base.is_cut = False
             is_same = base.transport not in self.wire.forgotten
-            self.wire.heal(base.transport.node)
+            self.wire.heal(base.transport)
             for message in self.wire.messages(NAME)[self.sent_before :] if is_same else ():
                 base._hear(message)  # the middleware, which has not noticed, repeats it
 
     def respawn(self) -> None:
         """The base's program is killed, which nobody has noticed, and another one is there."""
         if self.base is not None:
-            self._kill(self.base.transport.node)
+            self._kill(self.base.transport)
             self._leave(self.base)
         self.begin()
 
@@ -244,6 +245,10 @@ class World:
         if self.base is None:
             self.base = self._appear("base")
 
+    def replace(self) -> None:
+        """Somebody starts the base's program on another computer."""
+        self._appear("base")
+
     def join(self) -> None:
         """A bag listens, or no longer."""
         if self.bag is not None:
@@ -254,8 +259,7 @@ class World:
             self.bag = self._appear("bag")
 
     def _appear(self, what: str) -> Program:
-        self.made += 1
-        self.programs.append(Program(self, f"/{what}{self.made}"))
+        self.programs.append(Program(self, f"/{what}"))
         return self.programs[-1]
 
     def _leave(self, program: Program) -> None:
@@ -304,7 +308,8 @@ def check(world: World) -> None:
     away = [each for each in late if each.order != "other" and each.transport.program not in shown]
     since = max(world.begun.values(), default=0.0)
     instead = [each for each in world.programs if each.born > since and each.transport.program in shown]
-    if len(away) > len(instead) and not world.is_vague:
+    owed = Counter(each.transport.node for each in away) - Counter(each.transport.node for each in instead)
+    if owed and not world.is_vague:
         assert is_named, "it is away with an order, and the session does not say so"
 
 

@@ -49,7 +49,7 @@ def test_a_bag_that_listens_too_hides_nobody_who_has_not_heard_the_reset(case: s
 
 
 LONG_AGO = {
-    "another one came instead": ("cut", "notice", "join", "wait_long"),
+    "its program runs somewhere else": ("cut", "notice", "replace", "wait_long"),
     "a person released it": ("cut", "notice", "release", "wait_long"),
     "an engine that has gone ordered it": ("cut", "notice", "recover", "join", "stop_open", "wait_long"),
 }

@@ -87,6 +87,27 @@ def test_who_has_just_begun_to_listen_is_told_until_it_can_hear() -> None:
     assert eyes.seen[-1][1] == "neutral" and eyes.of(RobotChanged)[-1].open == ()
 
 
+@pytest.mark.parametrize("tool_at", [3, 7], ids=["before it is cut off", "afterwards"])
+def test_a_base_that_is_cut_off_has_not_heard_because_a_tool_begins_to_listen(tool_at: int) -> None:
+    eyes = Eyes(**RESET)
+    eyes.run(1)
+    eyes.show("1/a", "drive", 60)
+    for at in (3, 5, 7):
+        eyes.run(at)
+        if at == tool_at:
+            listen(eyes, "/rqt_plot")
+        if at == 5:
+            eyes.wire.forget("/robot")
+    report = eyes.stop()
+    eyes.run(60)
+    assert eyes.seen[-1][1] == "drive"
+    assert [goal.reason for goal in eyes.of(RobotChanged)[-1].open] == [NOT_HEARD]
+    assert f"pepper/eyes ({NOT_HEARD})" in report.unconfirmed
+    base = listen(eyes, "/robot")  # it was started again
+    eyes.run(62)
+    assert set(base) == {"neutral"} and eyes.of(RobotChanged)[-1].open == ()
+
+
 @pytest.mark.parametrize("node", ["/rosbag2_recorder", "/_ros2cli_4711"])
 def test_who_only_looks_on_is_owed_nothing_and_disturbs_nothing(node: str) -> None:
     eyes = Eyes(rate=5.0, **RESET)

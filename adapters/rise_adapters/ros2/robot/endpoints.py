@@ -346,7 +346,7 @@ class TopicEndpoint(_ComparedEndpoint):
 
     def poll(self, count: int | None = None) -> bool:
         gone = self.presence.update(self.publisher.count_subscribers() if count is None else count)
-        found = self.find_listeners() if self.presence.count else frozenset()
+        found = self._find_nodes() if self.presence.count else {}
         self._listeners.update(found, stands=self.user is not None, latched=self._mapping.topic_qos.latched)
         return gone
 
@@ -355,7 +355,11 @@ class TopicEndpoint(_ComparedEndpoint):
         return self.presence.count, self._listeners.present
 
     def find_listeners(self) -> frozenset[bytes]:
-        """The programs that listen at this moment and may do something; those without an id are numbered."""
+        """The programs that listen at this moment and may do something."""
+        return frozenset(self._find_nodes())
+
+    def _find_nodes(self) -> dict[bytes, str]:
+        """These programs with their nodes (empty: not known). Those without an id are numbered."""
         own = self._mapping.topic_qos
         ends = [
             end
@@ -366,15 +370,19 @@ class TopicEndpoint(_ComparedEndpoint):
         ends = [end for end in ends if not _only_looks_on(end.node)]
         self._is_lossy = not own.reliable or any(end.qos is not None and not end.qos.reliable for end in ends)
         unknown += sum(not end.program for end in ends)
-        return frozenset(end.program for end in ends if end.program) | {b"%d" % number for number in range(unknown)}
+        nodes: dict[bytes, set[str]] = {b"%d" % number: set() for number in range(unknown)}
+        for end in ends:
+            if end.program:
+                nodes.setdefault(end.program, set()).add(end.node)
+        return {program: " ".join(sorted(each - {""})) for program, each in nodes.items()}
 
     def order(self, goal: OpenOne, message: Message) -> frozenset[bytes]:
         """Publish a goal's message, which now stands. Returns the programs that listen. Raises PortError."""
         self.publisher.publish(message)
-        found = self.find_listeners()
+        found = self._find_nodes()
         self._listeners.order(found, stands=self.user is not None)
         self.user, self.reset_by = goal, None
-        return found
+        return frozenset(found)
 
     def adopt(self, goal: OpenOne) -> None:
         """Note that the order of an earlier engine stands."""

@@ -3,13 +3,14 @@
 A topic gives no answer, and middleware notices a cut late. So a program that listened to an order has it until it has
 listened to the reset, and gone on listening for LEASE_SECONDS. One that goes before counts as away with its order. It
 is told again when it is back, however late, and so is whatever else comes to listen. Until then, the reset is *owed*,
-unless another program has come instead: after it, and at most a lease before it was missed. (A program that is started
-again is another one, and the dead one is seen for a while.)
+unless a program with the same node has come instead: after it, and at most a lease before it was missed. (A program
+that is started again is another one, and the dead one is seen for a while. A tool that begins to listen is no base.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from math import inf
 
 LEASE_SECONDS = 30.0
@@ -18,7 +19,7 @@ after 20 s)."""
 FINDING_SECONDS = 0.5
 """Seconds that a listener needs until it hears everything. What it is told before, it is told again."""
 _SOMEBODY = b"somebody"
-"""Stands for the programs that have an order of an earlier engine."""
+"""Stands for the programs that have an order of an earlier engine. Nobody knows their nodes."""
 
 
 class Listeners:
@@ -36,6 +37,8 @@ class Listeners:
         """Those that have the last order and do not listen, and since when they do not."""
         self._came: dict[bytes, float] = {}
         """When a program was first seen."""
+        self._nodes: dict[bytes, str] = {}
+        """The node of a program, as far as it was ever told."""
         self._away: set[bytes] = set()
         """Those that are away with an earlier order. They hold nothing, and are told when they are back."""
 
@@ -43,9 +46,11 @@ class Listeners:
     def present(self) -> frozenset[bytes]:
         return frozenset(self._since)
 
-    def update(self, found: frozenset[bytes], *, stands: bool, latched: bool) -> None:
-        """Take in who listens now. `stands`: the last order is still meant. `latched`: late listeners get it, too."""
+    def update(self, found: Mapping[bytes, str], *, stands: bool, latched: bool) -> None:
+        """Take in who listens now, with their nodes. `stands`: the last order is still meant. `latched`: late listeners
+        get it, too."""
         now = self._now()
+        self._nodes |= {each: node for each, node in found.items() if node}
         self._since = {each: self._since.get(each, now) for each in found}
         self._came = self._since | self._came
         self._missed = {each: self._missed.get(each, now) for each in self._ordered - self._since.keys()}
@@ -56,8 +61,9 @@ class Listeners:
         if not (stands or self.is_owed) and all(now >= at + LEASE_SECONDS for at in self._told.values()):
             self.write_off()
 
-    def order(self, found: frozenset[bytes], *, stands: bool) -> None:
+    def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
         """Note that those who are found get an order. `stands`: instead of another one, which they may have missed."""
+        self._nodes |= {each: node for each, node in found.items() if node}
         if not stands:
             self.write_off()
         self._came = dict.fromkeys(found, self._now()) | self._came
@@ -100,10 +106,17 @@ class Listeners:
     def is_owed(self) -> bool:
         """Whether somebody has an order and has not heard its reset, and nobody has come instead."""
         untold = self._ordered - self._told.keys()
-        missed = [(self._came[each], at) for each, at in self._missed.items() if each in untold]
-        instead = [
-            each
-            for each in self._told.keys() | self._missed.keys()
-            if any(self._came[each] > came and self._came[each] >= at - LEASE_SECONDS for came, at in missed)
-        ]
-        return len(untold) > len(instead)
+        instead = {each for each in self._told.keys() | self._missed.keys() if any(self._replaces(each, x) for x in untold)}
+        needed, found = (
+            Counter(self._nodes.get(each, each) for each in some) for some in (untold - {_SOMEBODY}, instead)
+        )
+        return bool(needed - found) or (_SOMEBODY in untold and not instead)
+
+    def _replaces(self, each: bytes, missed: bytes) -> bool:
+        """Whether a program may have come instead of one that is missed."""
+        if missed not in self._missed:
+            return False
+        node = self._nodes.get(missed)
+        is_same = missed == _SOMEBODY or (node is not None and node == self._nodes.get(each))
+        at = self._missed[missed] - LEASE_SECONDS
+        return is_same and self._came[each] > self._came[missed] and self._came[each] >= at
