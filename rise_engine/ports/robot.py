@@ -197,6 +197,18 @@ class RobotWithOpenGoals(Robot, Protocol):
         ...
 
 
+@runtime_checkable
+class RobotWithEstop(Robot, Protocol):
+    """A robot whose adapter hears an emergency stop."""
+
+    def adopt_estop(self, held_by: Sequence[str]) -> None:
+        """Take these as pressed until they are let go. Called once, before `connect`, if a session is continued.
+
+        :param held_by: as `EstopReport.source`.
+        """
+        ...
+
+
 class Driver(Protocol):
     """The callable of an entry point in the group `rise.drivers`, usually the adapter's class. Its name in the group is
     the `driver` of a profile.

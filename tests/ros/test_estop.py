@@ -162,6 +162,53 @@ def test_a_button_without_its_program_is_not_let_go_by_a_program_of_another_name
     assert robot.of(EstopReport) == [PRESSED], "there are two now"
 
 
+@pytest.mark.parametrize("gone", [True, False], ids=["whose program has gone", "that is found later"])
+def test_a_button_stays_pressed_over_a_new_connection(gone: bool) -> None:
+    robot = with_estop(**TOPIC)
+    pressed = another(robot, "/button")
+    say(robot, 1, (pressed, True))
+    other = another(robot, "/panel")
+    if gone:
+        pressed.home.close()
+    say(robot, 2, (other, False))
+    robot.near.break_down("the context was shut down")
+    robot.run(5)
+    robot.wire.forget("/button")
+    robot.robot.switch_transport(MemoryTransport(robot.wire, robot.loop, "/engine_again"))
+    say(robot, 2, (other, False))
+    assert robot.of(EstopReport) == [PRESSED]
+    robot.wire.heal("/button")
+    say(robot, 1, (other, False))
+    assert robot.of(EstopReport) == [PRESSED]
+
+
+def test_a_button_is_let_go_over_a_new_connection() -> None:
+    robot = with_estop(**TOPIC)
+    button = another(robot, "/button")
+    say(robot, 1, (button, True))
+    robot.near.break_down("the context was shut down")
+    robot.run(5)
+    robot.robot.switch_transport(MemoryTransport(robot.wire, robot.loop, "/engine_again"))
+    say(robot, 1, (button, False))
+    assert robot.of(EstopReport) == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
+def test_a_button_stays_pressed_for_an_engine_that_continues_until_it_is_pressed_again() -> None:
+    robot = with_estop(**TOPIC)
+    pressed = another(robot, "/button")
+    say(robot, 1, (pressed, True))
+    pressed.home.close()
+    robot.recover(held_by=(SOURCE,), estop=TOPIC)
+    other = another(robot, "/panel")
+    say(robot, 7, (other, False))
+    assert robot.of(EstopReport) == [PRESSED], "nobody knows at which button it was pressed"
+    why = "was pressed when an engine ended, and nobody knows at which button: press it and let it go"
+    assert standing(robot) == ("degraded", f"the emergency stop at {NAME} {why}")
+    say(robot, 1, (other, True))
+    say(robot, 1, (other, False))
+    assert robot.of(EstopReport) == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
 @pytest.mark.parametrize("seconds", [10, 40])
 def test_two_buttons_may_have_one_name(seconds: int) -> None:
     """Programs that stay together for longer than a killed one is shown."""

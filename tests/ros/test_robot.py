@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -47,14 +47,16 @@ class Alone:
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.connect(self.told.append)
 
-    def recover(self, *left: StartAction, **options: Any) -> None:
-        """The engine is killed. Another one continues the session, for which these goals were not over."""
+    def recover(self, *left: StartAction, held_by: Sequence[str] = (), **options: Any) -> None:
+        """The engine is killed. Another one continues the session, for which these goals were not over, and these
+        emergency stops were pressed."""
         self.robot._report, self.robot._closed = lambda report: None, True
         self.near.close()
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
         which = msgspec.structs.replace(profile(), options=options)
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.adopt(left)
+        self.robot.adopt_estop(held_by)
         self.robot.connect(self.told.append)
 
     def serve(self) -> None:

@@ -6,7 +6,7 @@ An adapter's exception ends here. It becomes a report, so that the record says w
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 from uuid import NAMESPACE_OID, uuid4, uuid5
@@ -24,7 +24,7 @@ from rise_engine.kernel.commands import (
     StopRobot,
 )
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
-from rise_engine.ports.robot import Robot, RobotWithOpenGoals, Timer
+from rise_engine.ports.robot import Robot, RobotWithEstop, RobotWithOpenGoals, Timer
 from rise_engine.run.engine.clock import SessionClock
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.reading.lexicon import RobotWording
@@ -77,10 +77,13 @@ class CommandRunner:
         except Exception:  # other people's adapter, perhaps older than this method
             return None
 
-    def connect(self, unfinished: Iterable[StartAction] = ()) -> None:
-        """Connect to the robot, which may still do actions left `unfinished` by an earlier engine."""
+    def connect(self, unfinished: Iterable[StartAction] = (), held_by: Sequence[str] = ()) -> None:
+        """Connect to the robot, which may still do actions left `unfinished` by an earlier engine. `held_by`: the
+        emergency stops that were pressed for it."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
+        if held_by and isinstance(robot, RobotWithEstop):
+            self._call_robot("take over its emergency stop", lambda: robot.adopt_estop(tuple(held_by)))
         if goals and isinstance(robot, RobotWithOpenGoals):
             self._call_robot("take over what it may be doing", lambda: robot.adopt(goals))
         if failure := self._call_robot("connect", lambda: self._robot.connect(self._post)):

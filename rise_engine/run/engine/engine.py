@@ -203,7 +203,7 @@ class Engine:
             self._commands.set_timer(timer, at)
         self._stepping = True  # the robot is there before any command goes out to it, and its report follows the record
         try:
-            self._commands.connect(self._kernel.unfinished_goals())
+            self._commands.connect(self._kernel.unfinished_goals(), self._kernel.stop.held_by)
         finally:
             self._stepping = False
         now = self.clock.now()

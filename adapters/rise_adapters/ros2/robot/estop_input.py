@@ -6,6 +6,9 @@ It hears every publisher, whatever its quality of service, because its subscript
 A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
 with several publishers, or when one of them has gone, the state is not known. A program that is new has said nothing
 yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node.
+
+One that was pressed stays pressed over a new connection, and for an engine that continues the session. That one does
+not know who had pressed it, so it has to hear it pressed before it lets it go. (A service's last request counts.)
 """
 
 from __future__ import annotations
@@ -35,11 +38,15 @@ class EstopInput:
         transport: Transport,
         now: Callable[[], float],
         report: Callable[[EstopReport], object],
+        before: EstopInput | None = None,
     ) -> None:
-        """`now`: seconds on any running clock. Raises PortError."""
+        """`now`: seconds on any running clock; `before`: the same one over an earlier connection. Raises PortError."""
         self.name = transport.resolve(mapping.name)
-        self.pressed: bool | None = None
+        self.source = f"estop:{self.name}"
+        self.pressed = (before.pressed or None) if before is not None else None
         """None: the program that publishes it has not reported yet."""
+        self._is_inherited = before is not None and before._is_inherited
+        """Whether it was pressed for an earlier engine, and this one has not heard it pressed."""
         self._mapping = mapping
         self._transport = transport
         self._now = now
@@ -51,7 +58,7 @@ class EstopInput:
         """The programs that publish it, at the last look, and when they were found."""
         self._ends: Counter[tuple[bytes, str]] = Counter()
         """Their publishers, by program and node."""
-        self._known: Counter[str] = Counter()
+        self._known: Counter[str] = before._known if before is not None else Counter()
         """How many programs have to be there, by node."""
         self._ask_again = False
         """Whether a publisher that says only changes has to say again what is latched."""
@@ -61,6 +68,11 @@ class EstopInput:
             self._subscription = transport.subscribe(mapping.name, mapping.type, self._take_message, self._qos)
         else:
             self._service = transport.serve(mapping.name, SERVICE_TYPE, self._take_request)
+
+    def inherit(self) -> None:
+        """Note that it was pressed for an earlier engine of the session."""
+        self.pressed = True
+        self._is_inherited = self._subscription is not None
 
     def poll(self) -> None:
         """See who publishes it, and request what they offer."""
@@ -98,7 +110,7 @@ class EstopInput:
         return Counter(node for _, node in self._ends)
 
     @property
-    def fault(self) -> Literal["", "missing", "unheard", "silent", "several", "gone"]:
+    def fault(self) -> Literal["", "missing", "unheard", "silent", "several", "gone", "inherited"]:
         """Why its state is not known; empty: it is known."""
         if self._subscription is None:
             return ""
@@ -108,6 +120,8 @@ class EstopInput:
             return "several"
         if self._known - self._nodes:
             return "gone"
+        if self._is_inherited:
+            return "inherited"
         if self.pressed is None:
             return "unheard"
         limit = self._mapping.silent_after
@@ -136,6 +150,9 @@ class EstopInput:
                 remedy = "start it again, or begin a new session"
                 who = _name_all(self._known - self._nodes)
                 why = f"is not published by {who} any more, where it may be pressed: {remedy}"
+            case "inherited":
+                why = "was pressed when an engine ended, and nobody knows at which button: press it and let it go"
+                return f"{what} {why}"
             case _:
                 return ""
         return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
@@ -163,11 +180,12 @@ class EstopInput:
         reply({"success": True, "message": f"the emergency stop {'is pressed' if pressed else stays}"})
 
     def _take(self, pressed: bool) -> None:
-        if not pressed and self.fault in ("several", "gone"):
+        self._is_inherited = self._is_inherited and not pressed
+        if not pressed and self.fault in ("several", "gone", "inherited"):
             return  # another one may be pressed
         if pressed != self.pressed:
             self.pressed = pressed
-            self._report(EstopReport(source=f"estop:{self.name}", pressed=pressed))
+            self._report(EstopReport(source=self.source, pressed=pressed))
 
 
 def _name_all(nodes: Counter[str]) -> str:

@@ -93,6 +93,7 @@ class Ros2Robot:
         """Other nodes that may move the robot, once they were noted."""
         self._is_connected = self._closed = False
         self._estop: EstopInput | None = None
+        self._held_by: Sequence[str] = ()
         self._estop_watch = health.EstopWatch(clock)
         self._leftovers = Leftovers(clock, gives_up=read_options(profile).unattended == "go on")
         self._transport = transport
@@ -162,6 +163,10 @@ class Ros2Robot:
                 self._leftovers.add(made, limit_seconds(self._profile.actions[goal.type], goal.parameters))
                 made.adopt(accepted=goal.accepted)
 
+    def adopt_estop(self, held_by: Sequence[str]) -> None:
+        """As `rise_engine.ports.robot.RobotWithEstop.adopt_estop`; before `connect`."""
+        self._held_by = held_by
+
     def cancel_open_goals(self, part: str) -> None:
         for goal in self._goals_at(part):
             goal.cancel()
@@ -183,7 +188,10 @@ class Ros2Robot:
     def _open_estop(self) -> None:
         """Listen to the profile's emergency stop. Raises PortError."""
         if (estop := read_options(self._profile).estop) is not None:
-            self._estop = EstopInput(estop, self._transport, self.clock.now, lambda report: self._report(report))
+            before, now = self._estop, self.clock.now
+            self._estop = EstopInput(estop, self._transport, now, lambda report: self._report(report), before)
+            if before is None and self._estop.source in self._held_by:
+                self._estop.inherit()
 
     def start(self, goal: StartAction) -> None:
         mapping = self._mappings.get(goal.type)
