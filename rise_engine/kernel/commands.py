@@ -34,6 +34,10 @@ class StopRobot(Struct, frozen=True, tag_field="command", tag="stop_robot"):
     """Ask everything in the robot to stop everything, also goals of others; answer with `StopReport`."""
 
 
+class EndStop(Struct, frozen=True, tag_field="command", tag="end_stop"):
+    """Tell the robot that the stop is released: what others begin is left to them."""
+
+
 class CancelOpenGoals(Struct, frozen=True, tag_field="command", tag="cancel_open_goals"):
     """Ask the robot again to stop what it may still be doing for actions that have ended."""
 
@@ -60,5 +64,5 @@ class CancelTimer(Struct, frozen=True, tag_field="command", tag="cancel_timer"):
 
 
 Command: TypeAlias = (
-    StartAction | CancelAction | StopRobot | CancelOpenGoals | ReleaseOpenGoals | SetTimer | CancelTimer
+    StartAction | CancelAction | StopRobot | EndStop | CancelOpenGoals | ReleaseOpenGoals | SetTimer | CancelTimer
 )

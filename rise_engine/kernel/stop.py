@@ -6,7 +6,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from rise_engine.kernel.commands import StopRobot
+from rise_engine.kernel.commands import EndStop, StopRobot
 from rise_engine.kernel.core import Core, TimerTarget
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.kernel.records import StopRecord, stopper_words
@@ -106,6 +106,7 @@ class StopLatch:
         self.status = "released"
         self.stood = []
         self._core.emit(StopRecord, "released", source=source)
+        self._core.commands.append(EndStop())
 
     def _cancel_timer(self) -> None:
         if self.timer is not None:

@@ -198,8 +198,12 @@ class RobotWithOpenGoals(Robot, Protocol):
 
 
 @runtime_checkable
-class RobotWithEstop(Robot, Protocol):
-    """A robot whose adapter hears an emergency stop."""
+class RobotAmongOthers(Robot, Protocol):
+    """A robot that others may use and stop, too: what they begin during a stop is stopped until the release."""
+
+    def end_stop(self) -> None:
+        """Stop nothing more, because the stop was released."""
+        ...
 
     def adopt_estop(self, held_by: Sequence[str]) -> None:
         """Take these as pressed until they are let go. Called once, before `connect`, if a session is continued.

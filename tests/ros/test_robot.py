@@ -424,6 +424,26 @@ def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
     assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech"), "it is asked until it has ended"
 
 
+@pytest.mark.parametrize("how", ["its link is back", "the connection is made anew"])
+def test_after_the_release_of_a_stop_what_is_back_is_not_stopped(how: str) -> None:
+    robot = Alone()
+    robot.run(1)
+    robot.stop()
+    robot.robot.end_stop()
+    robot.servers[SPEECH].foreign(OTHERS, LONG)
+    robot.run(10)
+    if "link" in how:
+        robot.wire.forget("/robot")
+        robot.run(12)
+        robot.wire.heal("/robot")
+    else:
+        robot.near.break_down("the context was shut down")
+        robot.run(12)
+        robot.robot.switch_transport(MemoryTransport(robot.wire, robot.loop, "/engine_again"))
+    robot.run(20)
+    assert robot.servers[SPEECH].running() == [OTHERS]
+
+
 def test_an_answer_to_a_stop_that_comes_after_its_release_stops_nobody_elses_goal() -> None:
     robot = Alone()
     robot.run(1)

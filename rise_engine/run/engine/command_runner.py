@@ -18,13 +18,14 @@ from rise_engine.kernel.commands import (
     CancelOpenGoals,
     CancelTimer,
     Command,
+    EndStop,
     ReleaseOpenGoals,
     SetTimer,
     StartAction,
     StopRobot,
 )
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
-from rise_engine.ports.robot import Robot, RobotWithEstop, RobotWithOpenGoals, Timer
+from rise_engine.ports.robot import Robot, RobotAmongOthers, RobotWithOpenGoals, Timer
 from rise_engine.run.engine.clock import SessionClock
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.reading.lexicon import RobotWording
@@ -82,7 +83,7 @@ class CommandRunner:
         emergency stops that were pressed for it."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
-        if held_by and isinstance(robot, RobotWithEstop):
+        if held_by and isinstance(robot, RobotAmongOthers):
             self._call_robot("take over its emergency stop", lambda: robot.adopt_estop(tuple(held_by)))
         if goals and isinstance(robot, RobotWithOpenGoals):
             self._call_robot("take over what it may be doing", lambda: robot.adopt(goals))
@@ -121,6 +122,10 @@ class CommandRunner:
                 if failure := self.stop_robot():
                     self._post(StopReport(unconfirmed=(self._robot_name,)))
                     self._post(Note(text=f"the robot could not be asked to stop: {failure}"))
+
+            case EndStop():
+                if isinstance(robot := self._robot, RobotAmongOthers):
+                    self._call_robot("end the stop", robot.end_stop)
 
     def _settle_open_goals(self, command: CancelOpenGoals | ReleaseOpenGoals) -> None:
         robot = self._robot

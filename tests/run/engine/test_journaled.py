@@ -33,7 +33,8 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.ports.robot import ReportCallback
-from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.clock import RealClock, VirtualClock
+from rise_engine.run.engine.command_runner import CommandRunner
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
 from rise_engine.run.server.hub import SessionHub
@@ -67,6 +68,12 @@ class Robot:
 
     def stop_all(self) -> None:
         self.calls.append("stop")
+
+    def end_stop(self) -> None:
+        self.calls.append("end of stop")
+
+    def adopt_estop(self, held_by: Sequence[str]) -> None:
+        self.calls.append(f"pressed {held_by[0]}")
 
     def last_seen(self) -> float | None:
         return None
@@ -503,6 +510,13 @@ async def test_a_stop_that_was_released_while_the_disk_hung_is_not_told(tmp_path
         it.ask(Submit(function="releaseStop", source="node:x"))
         assert it.engine._find_unrecorded_stop() is None
         disk.go.set()
+        await it.until(lambda: it.robot.calls == ["stop", "end of stop"])
+
+
+def test_the_robot_knows_which_emergency_stops_were_pressed_for_an_earlier_engine() -> None:
+    robot = Robot()
+    CommandRunner(robot, scenario(GREETING), VirtualClock(), lambda input: None).connect((), ["estop:/door"])  # type: ignore[arg-type]
+    assert robot.calls == ["pressed estop:/door"]
 
 
 async def test_a_rule_begins_nothing_after_an_end_that_cannot_be_recorded(tmp_path: Path) -> None:

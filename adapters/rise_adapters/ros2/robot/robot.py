@@ -164,7 +164,7 @@ class Ros2Robot:
                 made.adopt(accepted=goal.accepted)
 
     def adopt_estop(self, held_by: Sequence[str]) -> None:
-        """As `rise_engine.ports.robot.RobotWithEstop.adopt_estop`; before `connect`."""
+        """As `rise_engine.ports.robot.RobotAmongOthers.adopt_estop`; before `connect`."""
         self._held_by = held_by
 
     def cancel_open_goals(self, part: str) -> None:
@@ -199,8 +199,7 @@ class Ros2Robot:
             self.report_ended(goal.action, "failed", f"not-sent: nothing carries {goal.type} to {self._profile.title}")
             return
         if self._stop is not None and self._stop.is_answered:
-            self._stop.abandon()  # the stop was released
-            self._stop = None
+            self.end_stop()
         if self._leftovers.first is not None:  # unless a person does, the engine cancels that after 5 s
             server = mapping.deadlines.server + mapping.deadlines.cancel
             mapping = replace(mapping, deadlines=replace(mapping.deadlines, server=server))
@@ -248,6 +247,12 @@ class Ros2Robot:
         self._attempt(steps)
         self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
         self._stop.begin()
+
+    def end_stop(self) -> None:
+        """Stop nothing more, because the stop was released."""
+        if self._stop is not None:
+            self._stop.abandon()
+            self._stop = None
 
     def _make_reset(self, mapping: ActionMapping, goal: str) -> Message | None:
         """What takes back everything on a topic, also what others have published there."""
