@@ -159,7 +159,8 @@ class MemoryWire:
         return rule
 
     def kill(self, node: str | MemoryTransport) -> None:
-        """Cut a node (all of that name, or this one) off without a goodbye: SIGKILL, a cable. The others still see it, until `forget`."""
+        """Cut off this node, or all of this name, without a goodbye: SIGKILL, a cable. The others still see it, until
+        `forget`."""
         self.killed |= set(self._named(node))
 
     def forget(self, node: str | MemoryTransport) -> None:

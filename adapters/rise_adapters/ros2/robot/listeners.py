@@ -106,11 +106,12 @@ class Listeners:
     def is_owed(self) -> bool:
         """Whether somebody has an order and has not heard its reset, and nobody has come instead."""
         untold = self._ordered - self._told.keys()
-        instead = {each for each in self._told.keys() | self._missed.keys() if any(self._replaces(each, x) for x in untold)}
-        needed, found = (
-            Counter(self._nodes.get(each, each) for each in some) for some in (untold - {_SOMEBODY}, instead)
-        )
-        return bool(needed - found) or (_SOMEBODY in untold and not instead)
+        others = self._told.keys() | self._missed.keys()
+        instead = [each for each in others if any(self._replaces(each, missed) for missed in untold)]
+        if _SOMEBODY in untold and not instead:
+            return True
+        needed = Counter(self._nodes.get(each, each) for each in untold - {_SOMEBODY})
+        return bool(needed - Counter(self._nodes.get(each, each) for each in instead))
 
     def _replaces(self, each: bytes, missed: bytes) -> bool:
         """Whether a program may have come instead of one that is missed."""
