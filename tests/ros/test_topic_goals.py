@@ -127,6 +127,28 @@ def test_who_only_looks_on_is_owed_nothing_and_disturbs_nothing(node: str) -> No
     assert eyes.statuses("2/a") == ["accepted", "succeeded"] and len(eyes.of(RobotChanged)) == 1
 
 
+@pytest.mark.parametrize("more", [{}, {"rate": 5.0}])
+def test_an_order_goes_out_only_to_somebody_who_does_more_than_look_on(more: dict[str, Any]) -> None:
+    eyes = Eyes(listening=False, **RESET, **more)
+    bag = listen(eyes, "/rosbag2_recorder")
+    eyes.run(1)
+    eyes.show("1/a", "drive", 1)
+    eyes.run(10)
+    assert eyes.statuses("1/a") == ["failed"] and bag == []
+    assert eyes.stop().unconfirmed[-1] == "pepper/eyes (never seen)"
+
+
+def test_an_order_is_lost_with_its_base_although_a_bag_listens() -> None:
+    eyes = Eyes(**RESET)
+    listen(eyes, "/rosbag2_recorder")
+    eyes.run(1)
+    eyes.show("1/a", "drive", 10)
+    eyes.run(3)
+    eyes.wire.forget("/robot")
+    eyes.run(20)
+    assert eyes.statuses("1/a") == ["accepted", "lost"]
+
+
 def failing(monkeypatch: pytest.MonkeyPatch, eyes: Eyes) -> None:
     def publish(message: Any) -> None:
         raise PortError("the middleware refuses")
@@ -146,6 +168,18 @@ def test_a_reset_that_cannot_be_published_is_open_until_it_can(monkeypatch: pyte
         assert eyes.stop().unconfirmed[-1] == f"pepper/eyes ({NOT_HEARD})"
     eyes.run(10)
     assert eyes.seen[-1][1] == "neutral" and eyes.of(RobotChanged)[-1].open == ()
+    assert eyes.of(StopReport)[-1].unconfirmed == ("pepper/eyes (told to stop; a topic gives no answer)",)
+
+
+def test_a_topic_that_could_not_be_told_is_not_called_told_although_nobody_has_an_order(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    eyes = Eyes(**RESET)
+    eyes.run(1)
+    with monkeypatch.context() as broken:
+        failing(broken, eyes)
+        assert eyes.stop().unconfirmed[-1] == f"pepper/eyes ({NOT_HEARD})"
+    eyes.run(8)
     assert eyes.of(StopReport)[-1].unconfirmed == ("pepper/eyes (told to stop; a topic gives no answer)",)
 
 

@@ -515,7 +515,7 @@ async def test_a_stop_that_was_released_while_the_disk_hung_is_not_told(tmp_path
 
 def test_the_robot_knows_which_emergency_stops_were_pressed_for_an_earlier_engine() -> None:
     robot = Robot()
-    CommandRunner(robot, scenario(GREETING), VirtualClock(), lambda input: None).connect((), ["estop:/door"])  # type: ignore[arg-type]
+    CommandRunner(robot, scenario(GREETING), VirtualClock(), lambda input: None).connect((), ["estop:/door"])
     assert robot.calls == ["pressed estop:/door"]
 
 

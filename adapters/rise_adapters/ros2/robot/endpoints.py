@@ -345,8 +345,9 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher: Publisher = self._transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
 
     def poll(self, count: int | None = None) -> bool:
-        gone = self.presence.update(self.publisher.count_subscribers() if count is None else count)
-        found = self._find_nodes() if self.presence.count else {}
+        found = self._find_nodes() if count is None else {}
+        gone = self.presence.update(self.publisher.count_subscribers() if found else 0)  # not who only looks on
+        found = found if self.presence.count else {}
         self._listeners.update(found, stands=self.user is not None, latched=self._mapping.topic_qos.latched)
         return gone
 
@@ -428,6 +429,11 @@ class TopicEndpoint(_ComparedEndpoint):
     def is_owed(self) -> bool:
         """Whether somebody may not have heard the reset."""
         return self._listeners.is_owed
+
+    @property
+    def was_told(self) -> bool:
+        """Whether everybody has heard the last reset, as far as that can be known."""
+        return not (self._listeners.is_owed or self._listeners.untold)
 
     def _publish_reset(self) -> None:
         reset = self._make_reset(self.reset_by.action if self.reset_by is not None else "")

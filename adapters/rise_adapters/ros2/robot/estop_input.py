@@ -43,9 +43,9 @@ class EstopInput:
         """`now`: seconds on any running clock; `before`: the same one over an earlier connection. Raises PortError."""
         self.name = transport.resolve(mapping.name)
         self.source = f"estop:{self.name}"
-        self.pressed = (before.pressed or None) if before is not None else None
+        self.pressed: bool | None = (before.pressed or None) if before is not None else None
         """None: the program that publishes it has not reported yet."""
-        self._is_inherited = before is not None and before._is_inherited
+        self._is_inherited: bool = before is not None and before._is_inherited
         """Whether it was pressed for an earlier engine, and this one has not heard it pressed."""
         self._mapping = mapping
         self._transport = transport

@@ -310,5 +310,5 @@ class StopAll:
 def _why_topic_unconfirmed(topic: TopicEndpoint) -> str:
     """Why a topic has not confirmed, for a person. (Those who listen are told by `TopicEndpoint.tell`.)"""
     if topic.presence.count:
-        return NOT_HEARD if topic.is_owed else "told to stop; a topic gives no answer"
+        return "told to stop; a topic gives no answer" if topic.was_told else NOT_HEARD
     return topic.misfit_kind or ("gone" if topic.presence.was_seen else "never seen")
