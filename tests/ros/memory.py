@@ -278,7 +278,7 @@ class _Publisher:
     def greet(self, subscription: _Subscription) -> None:
         """A late joiner gets what is latched."""
         if subscription.qos.latched and self.matches(subscription):
-            for message in self.last:
+            for message in tuple(self.last)[-subscription.qos.depth :]:
                 self._send(subscription, message)
 
     def count_subscribers(self) -> int:

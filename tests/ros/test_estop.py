@@ -132,6 +132,20 @@ def another(robot: Alone, node: str, offered: QoS = RELIABLE) -> Any:
     return MemoryTransport(robot.wire, robot.loop, node).publisher(NAME, TYPE, offered)
 
 
+def test_what_was_latched_before_does_not_press_it_again() -> None:
+    robot = with_estop(**TOPIC)
+    offered = QoS(depth=10, latched=True)
+    other, button = another(robot, "/button", offered), another(robot, "/button", offered)
+    for pressed in (False, True, False):
+        button.publish({"data": pressed})
+        robot.run(robot.clock.now() + 1)
+    other.home.close()
+    robot.run(robot.clock.now() + 2)
+    another(robot, "/button", offered).home.close()
+    robot.run(robot.clock.now() + 2)
+    assert robot.of(EstopReport) == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
 @pytest.mark.parametrize("seconds", [0, 2], ids=["between two looks", "for a while"])
 def test_a_program_that_comes_has_not_said_that_its_button_is_not_pressed(seconds: int) -> None:
     robot = with_estop(**TOPIC)

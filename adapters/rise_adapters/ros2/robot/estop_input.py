@@ -80,8 +80,10 @@ class EstopInput:
             return
         offered = [end.qos for end in self._look() if end.qos is not None]
         if offered:
-            qos = QoS(10, all(qos.reliable for qos in offered), all(qos.latched for qos in offered))
-            if qos != self._qos or (self._ask_again and qos.latched):
+            latched = all(qos.latched for qos in offered)
+            # Of what is latched, only the last state counts: what came before it would press it again, or let it go.
+            qos = QoS(1 if latched else 10, all(qos.reliable for qos in offered), latched)
+            if qos != self._qos or (self._ask_again and latched and self.pressed is not False):
                 self._subscribe(qos)
             self._ask_again = False
         if not self._subscription.count_publishers():
