@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from rise_adapters.ros2.robot.estop_input import SERVICE_TYPE
 from rise_adapters.ros2.transport.port import RELIABLE, STATUS, QoS, RemoteEndpoint
 
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged
 from tests.ros.bench import profile
 from tests.ros.memory import MemoryTransport
@@ -288,6 +289,33 @@ def test_nothing_begins_while_the_emergency_stop_is_silent() -> None:
     button.publish({"data": False})
     robot.run(robot.clock.now() + 0.2)
     assert robot.servers["/pepper/rise/speech"].at_once == 1
+
+
+def test_nothing_begins_after_the_computer_has_slept_until_it_is_heard_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = with_estop(**TOPIC)
+    button = robot.far.publisher(NAME, TYPE)
+    say(robot, 2, (button, False))
+    slept = suspended_seconds() + 3600  # somebody may have pressed it
+    monkeypatch.setattr("rise_adapters.ros2.robot.estop_input.suspended_seconds", lambda: slept)
+    robot.run(robot.clock.now() + 0.5)
+    robot.start()
+    robot.run(robot.clock.now() + 1)
+    assert robot.servers["/pepper/rise/speech"].at_once == 0
+    say(robot, 1, (button, False))
+    assert robot.servers["/pepper/rise/speech"].at_once == 1
+
+
+def test_a_message_that_arrives_after_the_end_of_its_program_does_not_count_for_the_next_one() -> None:
+    robot = with_estop(**TOPIC)
+    before = another(robot, "/button")
+    say(robot, 2, (before, False))
+    take = robot.robot._estop._take_message  # type: ignore[union-attr]  # taken from the wire, and not handled yet
+    before.home.close()
+    another(robot, "/button")
+    take({"data": False})
+    robot.start()
+    robot.run(robot.clock.now() + 1)
+    assert robot.servers["/pepper/rise/speech"].at_once == 0
 
 
 def test_which_values_mean_that_it_is_pressed() -> None:

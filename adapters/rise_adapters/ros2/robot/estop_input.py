@@ -3,6 +3,8 @@
 It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
 `ros2 topic echo`. While its state is not known for certain, that is a fault of the robot, and nothing new begins.
 
+While the computer slept, nothing was heard: only *pressed* counts from before.
+
 A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
 with several publishers, or when one of them has gone, the state is not known. A program that is new has said nothing
 yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node.
@@ -20,11 +22,14 @@ from typing import Literal
 from rise_adapters.ros2.mapping.action_mapping import EstopMapping
 from rise_adapters.ros2.robot.listeners import LEASE_SECONDS
 from rise_adapters.ros2.transport.port import Closable, Message, QoS, RemoteEndpoint, SendReply, Subscription, Transport
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.inputs import EstopReport
 
 SERVICE_TYPE = "std_srvs/srv/SetBool"
 UNHEARD_SECONDS = 2.0
 """Seconds for which an emergency stop may be silent after its discovery."""
+SLEPT_SECONDS = 1.0
+"""Seconds of the computer's sleep after which its state is not known."""
 
 
 class EstopInput:
@@ -62,6 +67,8 @@ class EstopInput:
         """How many programs have to be there, by node."""
         self._ask_again = False
         """Whether a publisher that says only changes has to say again what is latched."""
+        self._suspended = suspended_seconds()
+        """`suspended_seconds` at the last look."""
         self._since: float | None = None
         """When it was found, or last heard; None: it is not there."""
         if mapping.type:
@@ -97,8 +104,10 @@ class EstopInput:
         now, ends_before, before = self._now(), self._ends, self._programs
         self._ends = Counter((end.program or end.node.encode(), end.node) for end in ends)
         self._programs = {program: before.get(program, now) for program, _ in self._ends}
-        self._ask_again |= self._ends != ends_before
-        if self._programs.keys() - before.keys():
+        slept = suspended_seconds() - self._suspended
+        self._suspended += slept
+        self._ask_again |= self._ends != ends_before or slept >= SLEPT_SECONDS
+        if self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS:  # what was said before may not be true any more
             self._since = now
             self.pressed = self.pressed or None
         # A program that was killed is still shown for a while: two that stay longer than that are two buttons.
@@ -171,9 +180,11 @@ class EstopInput:
         self._subscription = self._transport.subscribe(self._mapping.name, self._mapping.type, self._take_message, qos)
 
     def _take_message(self, message: Message) -> None:
+        before, pressed = self.pressed, self._mapping.is_pressed(message)
         self._look()
         self._since = self._now()
-        self._take(self._mapping.is_pressed(message))
+        if pressed or self.pressed == before:  # otherwise this may be the last word of a program that has gone
+            self._take(pressed)
 
     def _take_request(self, request: Message, reply: SendReply) -> None:
         pressed = bool(request["data"])
