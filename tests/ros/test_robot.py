@@ -15,6 +15,7 @@ from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
 from rise_adapters.ros2.transport.port import PortError, RemoteEndpoint
 
+from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
 from rise_engine.ports.robot import RobotReport
@@ -847,8 +848,9 @@ def test_what_is_remembered_has_bounds() -> None:
 # --- a session that stands still ------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("how", ["its process stands still", "the computer sleeps"])
 @pytest.mark.parametrize("kind", ["Speech", "Emotion"])
-def test_what_waited_does_not_begin_after_a_standstill(kind: str) -> None:
+def test_what_waited_does_not_begin_after_a_standstill(kind: str, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = Eyes(listening=False)
     robot.far.close()
     robot.run(6)
@@ -857,7 +859,12 @@ def test_what_waited_does_not_begin_after_a_standstill(kind: str) -> None:
     robot.far = MemoryTransport(robot.wire, robot.loop, "/robot")
     robot.serve()
     robot.listen()
-    robot.loop.stand_still(60)
+    if "sleeps" in how:
+        slept = suspended_seconds() + 60
+        monkeypatch.setattr("rise_adapters.ros2.robot.waiting.suspended_seconds", lambda: slept)
+        robot.run(8)
+    else:
+        robot.loop.stand_still(60)
     (end,) = robot.of(ActionReport)
     assert (end.status, end.reason.split(":")[0]) == ("failed", "standstill")
     assert robot.servers[SPEECH].received == [] and robot.seen == []

@@ -36,6 +36,7 @@ from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation, ResultQuery
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.robot.waiting import Waiting
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.kernel.commands import StartAction
 
@@ -71,8 +72,8 @@ class ActionGoal:
         self._expected = goal.expected
         now = self._now()
         self._limit_at = now + limit
-        self._server_by = now + mapping.deadlines.server
-        self._deadline = self._server_by
+        self._waiting = Waiting(host, mapping.deadlines.server)
+        self._deadline = self._waiting.until
         """The deadline of the present phase."""
         self._sends = 0
         self._answers = 0
@@ -177,7 +178,8 @@ class ActionGoal:
     def poll(self) -> None:
         now = self._now() + TIMER_TOLERANCE
         if self.phase == "waiting":
-            self._poll_waiting(now)
+            if ending := self._waiting.poll(self.endpoint, self._send, self._why_not_sent):
+                self._end(*ending)
         elif self.phase == "sent":
             self._poll_sent(now)
         elif self.phase == "running":
@@ -185,24 +187,15 @@ class ActionGoal:
         elif now >= self.cancellation.next_try:
             self._ask_cancel()
 
-    def _poll_waiting(self, now: float) -> None:
-        endpoint, presence = self.endpoint, self.endpoint.presence
-        endpoint.compare()
-        held = self._host.why_held()
-        if endpoint.misfit:
-            self._end("failed", endpoint.misfit)
-        elif endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
-            self._end(*endings.of_late_start(now - self._deadline))
-        elif endpoint.is_ready and not held:
-            self._send()
-        elif held and now >= self._deadline:
-            self._end("failed", held)
-        elif presence.count > 1 and (presence.appeared_twice or now >= self._deadline):
-            self._end(*endings.of_two_servers(endpoint))
-        elif endpoint.open and now >= self._deadline:
-            self._end("failed", f"held: {endpoint.trouble}")
-        elif now >= self._deadline:
-            self._end(*endings.of_missing_server(endpoint, self._sends))
+    def _why_not_sent(self, is_over: bool) -> endings.Outcome | None:
+        presence = self.endpoint.presence
+        if presence.count > 1 and (presence.appeared_twice or is_over):
+            return endings.of_two_servers(self.endpoint)
+        if not is_over:
+            return None
+        if self.endpoint.open:
+            return "failed", f"held: {self.endpoint.trouble}"
+        return endings.of_missing_server(self.endpoint, self._sends)
 
     def _poll_sent(self, now: float) -> None:
         if now < min(self._deadline, self.cancellation.deadline):
@@ -243,9 +236,9 @@ class ActionGoal:
         """Note that nothing offers the action any more. We cannot tell what still runs there."""
         name = self.endpoint.name
         if self.phase == "sent":
-            self._deadline = self._server_by
+            self._deadline = self._waiting.until
             may_send = self._sends < MAX_SENDS and not self.cancellation.wanted
-            if may_send and self._now() < self._server_by:
+            if may_send and self._now() < self._waiting.until:
                 self.phase = "waiting"
                 self._host.on_goal_changed(self)
             else:

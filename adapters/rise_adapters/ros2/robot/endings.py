@@ -148,8 +148,6 @@ class Cancellation:
 
 _LOG = logging.getLogger(__name__)
 
-MOST_LATE_SECONDS = 1.0
-"""Seconds by which a waiting action may begin after its deadline."""
 RESULT_GRACE = 2.0
 """Seconds that a result may come after the status topic has said that the goal is over."""
 _NO_RESULT = f"and its result did not come within {RESULT_GRACE:g} s"
@@ -187,11 +185,6 @@ def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
 def is_overdue(now: float, limit_at: float) -> bool:
     """Whether a cancel at this time comes from the kernel, at the end of the action's time limit."""
     return now >= limit_at - OVERDUE_SECONDS
-
-
-def is_too_late(now: float, deadline: float) -> bool:
-    """Whether the session stood still beyond the deadline of an action that waited. Then it does not begin at all."""
-    return now >= deadline + MOST_LATE_SECONDS
 
 
 def of_late_start(seconds: float) -> Outcome:

@@ -19,6 +19,7 @@ from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
 from rise_adapters.ros2.robot.endpoints import NOT_HEARD, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
+from rise_adapters.ros2.robot.waiting import Waiting
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.commands import StartAction
@@ -58,7 +59,8 @@ class TopicGoal:
         """The programs that its message goes to."""
         self._repeat: Timer | None = None
         self._expected = goal.expected
-        self._deadline = host.clock.now() + mapping.deadlines.server
+        self._waiting = Waiting(host, mapping.deadlines.server)
+        self._deadline = self._waiting.until
 
     def adopt(self, *, accepted: bool) -> None:
         """Take over a message that an earlier engine has published; it ends when it is reset."""
@@ -113,20 +115,15 @@ class TopicGoal:
     def poll(self) -> None:
         now = self._host.clock.now() + TIMER_TOLERANCE
         if self.phase == "waiting":
-            self.endpoint.compare()
-            held = self._host.why_held()
-            if self.endpoint.misfit:
-                self._end("failed", self.endpoint.misfit)
-            elif self.endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
-                self._end(*endings.of_late_start(now - self._deadline))
-            elif self.endpoint.is_ready and not held:
-                self._publish()
-            elif now >= self._deadline:
-                self._end("failed", held or f"server-missing: {endings.describe_missing(self.endpoint)}")
+            if ending := self._waiting.poll(self.endpoint, self._publish, self._why_not_published):
+                self._end(*ending)
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
         elif self.phase == "ended":
             self._check_open()
+
+    def _why_not_published(self, is_over: bool) -> endings.Outcome | None:
+        return ("failed", f"server-missing: {endings.describe_missing(self.endpoint)}") if is_over else None
 
     def on_server_gone(self) -> None:
         if self.phase == "running":
@@ -233,7 +230,8 @@ class ServiceGoal:
         self._mapping = mapping
         self._make_request = make_request
         self._expected = goal.expected
-        self._deadline = host.clock.now() + mapping.deadlines.server
+        self._waiting = Waiting(host, mapping.deadlines.server)
+        self._deadline = self._waiting.until
         self._limit_at = host.clock.now() + limit
         self._ended_at = 0.0
         self._called: frozenset[bytes] = frozenset()
@@ -283,23 +281,16 @@ class ServiceGoal:
 
     def poll(self) -> None:
         now = self._host.clock.now() + TIMER_TOLERANCE
-        endpoint = self.endpoint
         if self.phase == "waiting":
-            endpoint.compare()
-            held = self._host.why_held()
-            if endpoint.misfit:
-                self._end("failed", endpoint.misfit)
-            elif endpoint.is_ready and not held and endings.is_too_late(now, self._deadline):
-                self._end(*endings.of_late_start(now - self._deadline))
-            elif endpoint.is_ready and not held:
-                self._call()
-            elif now >= self._deadline:
-                self._end(*(("failed", held) if held else self._why_not_sent()))
+            if ending := self._waiting.poll(self.endpoint, self._call, self._why_not_sent):
+                self._end(*ending)
         elif self.phase == "running" and now >= self._deadline:
             grace = self._mapping.deadlines.result
-            self._end(*endings.of_overdue_result(endpoint.name, self._expected, grace))
+            self._end(*endings.of_overdue_result(self.endpoint.name, self._expected, grace))
 
-    def _why_not_sent(self) -> endings.Outcome:
+    def _why_not_sent(self, is_over: bool) -> endings.Outcome | None:
+        if not is_over:
+            return None
         if self.endpoint.presence.count > 1:
             return endings.of_two_servers(self.endpoint)
         if self.endpoint.open:
