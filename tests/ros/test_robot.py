@@ -48,13 +48,15 @@ class Alone:
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.connect(self.told.append)
 
-    def recover(self, *left: StartAction, held_by: Sequence[str] = (), **options: Any) -> None:
+    def recover(
+        self, *left: StartAction, held_by: Sequence[str] = (), which: RobotProfile | None = None, **options: Any
+    ) -> None:
         """The engine is killed. Another one continues the session, for which these goals were not over, and these
         emergency stops were pressed."""
         self.robot._report, self.robot._closed = lambda report: None, True
         self.near.close()
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
-        which = msgspec.structs.replace(profile(), options=options)
+        which = which or msgspec.structs.replace(profile(), options=options)
         self.robot = Ros2Robot(which, self.clock, self.near, read_mappings(which, self.near.fields))
         self.robot.adopt(left)
         self.robot.adopt_estop(held_by)
@@ -239,6 +241,34 @@ def test_a_robot_that_acts_by_itself_goes_on_after_a_crash_before_a_goal_was_acc
     assert robot.of(RobotChanged)[-1].open == ()
     robot.start()
     robot.run(65)
+    assert robot.of(ActionReport)[-1].status == "succeeded"
+
+
+def test_a_robot_that_acts_by_itself_begins_nothing_beside_a_goal_that_its_server_may_know() -> None:
+    plan = Plan(seconds=600, status=False)
+    robot = Alone(plan)
+    robot.run(1)
+    old = StartAction("old", "Speech", {"message": "x"}, 1.0, goal=OTHERS.hex())
+    robot.servers[SPEECH].foreign(OTHERS, plan)
+    robot.recover(old, unattended="go on", leftovers="keep")
+    robot.run(70)
+    robot.start()
+    robot.run(90)
+    assert robot.servers[SPEECH].at_once == 1 and [goal.action for goal in robot.of(RobotChanged)[-1].open] == ["old"]
+
+
+def test_a_robot_that_acts_by_itself_goes_on_after_a_crash_during_a_call_whose_program_is_away() -> None:
+    which = profile()
+    call = {"service": "pepper/say", "type": "std_srvs/srv/Trigger", "unstoppable": True}
+    spec = msgspec.structs.replace(which.actions["Emotion"], carrier=call, supported=True)
+    which = msgspec.structs.replace(which, actions={**which.actions, "Emotion": spec}, options={"unattended": "go on"})
+    robot = Alone(which=which)
+    robot.recover(StartAction("old", "Emotion", {"value": "x"}, 1.0, accepted=True), which=which)
+    robot.run(55)
+    assert [goal.action for goal in robot.of(RobotChanged)[-1].open] == ["old"]
+    robot.run(65)
+    robot.start()
+    robot.run(70)
     assert robot.of(ActionReport)[-1].status == "succeeded"
 
 

@@ -82,6 +82,8 @@ class ActionGoal:
         """Whether the server accepted it; None: no answer yet."""
         self._sent_to: frozenset[bytes] = frozenset()
         """The programs that offered the action when it was sent."""
+        self._disowned_by = -1
+        """The servers (`ServerPresence.changes`) of which the only one does not know it."""
         self._is_adopted = False
         """Whether an earlier engine has sent it, or somebody unknown ..."""
         self.is_unknown = self.is_released = False
@@ -137,6 +139,10 @@ class ActionGoal:
     @property
     def is_accepted(self) -> bool:
         return bool(self._accepted)
+
+    @property
+    def is_unanswerable(self) -> bool:
+        return self._accepted is None and self._disowned_by == self.endpoint.presence.changes
 
     @property
     def holds_its_part(self) -> bool:
@@ -397,14 +403,16 @@ class ActionGoal:
                 "result",
             )
         self._result.taken = self._result.taken or ended
-        if ended or self._is_forgotten(servers):
+        if ended or self._note_unknown(servers):
             self._mark_over()
 
-    def _is_forgotten(self, servers: int) -> bool:
-        """Whether the goal is over because the server does not know it. `servers`: those of that time."""
+    def _note_unknown(self, servers: int) -> bool:
+        """Note that the server does not know the goal. Returns whether it is over because of that. `servers`: those of
+        that time."""
         presence = self.endpoint.presence
         if presence.count != 1 or presence.changes != servers or self.endpoint.client.count_servers() != 1:
             return False  # another server may have it, perhaps one that no poll has found yet
+        self._disowned_by = servers
         programs = self.endpoint.comparison.programs
         was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
         return self._accepted is not None or was_replaced
@@ -475,7 +483,7 @@ class ActionGoal:
                     self._mark_over()
                 else:
                     self._ask_result()
-            elif self._is_forgotten(servers):
+            elif self._note_unknown(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:
                 self.cancellation.pause()  # until it answers, or other servers appear (`on_server_changed`)

@@ -49,6 +49,11 @@ class Goal(Protocol):
         ...
 
     @property
+    def is_unanswerable(self) -> bool:
+        """Whether nothing can tell what became of it, because it was begun by an engine that has gone."""
+        ...
+
+    @property
     def holds_its_part(self) -> bool:
         """Whether its server or topic gets nothing else while it has ended and may still be running."""
         ...

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from rise_adapters.ros2.robot.endpoints import ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Goal
 from rise_engine.ports.robot import Clock
 
@@ -30,13 +29,11 @@ class Leftovers:
         return next((goal for goal, _ in self._goals if goal.may_be_running and goal.holds_its_part), None)
 
     def poll(self) -> None:
-        """Give up, after their time, calls of services, and goals that their server never accepted and does not know.
+        """Give up, after their time, what nobody can be asked about.
 
-        The answer to such a call went to the engine that has gone. Such a goal was perhaps never sent.
+        The answer to a call of a service went to the engine that has gone. A goal that its server never accepted and
+        does not know was perhaps never sent.
         """
         for goal, until in self._goals if self._gives_up else ():
-            endpoint = goal.endpoint
-            is_unanswerable = isinstance(endpoint, ServiceEndpoint) or not goal.is_accepted
-            is_asked = endpoint.presence.count == 1 and endpoint.is_known
-            if goal.may_be_running and is_unanswerable and is_asked and self._clock.now() >= until:
+            if goal.may_be_running and goal.is_unanswerable and self._clock.now() >= until:
                 goal.release("the profile (`unattended`)")

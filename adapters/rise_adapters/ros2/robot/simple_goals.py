@@ -92,6 +92,10 @@ class TopicGoal:
         return True
 
     @property
+    def is_unanswerable(self) -> bool:
+        return False
+
+    @property
     def holds_its_part(self) -> bool:
         return self._is_stoppable
 
@@ -247,6 +251,10 @@ class ServiceGoal:
     @property
     def is_accepted(self) -> bool:
         return True
+
+    @property
+    def is_unanswerable(self) -> bool:
+        return self._is_adopted
 
     @property
     def holds_its_part(self) -> bool:
