@@ -735,6 +735,18 @@ def test_a_server_that_has_only_just_appeared_has_not_confirmed_a_stop() -> None
     assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
 
 
+def test_who_has_released_a_topic_is_noted() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.run(1)
+    eyes.show("1/a", "happy", 2)
+    eyes.run(2)
+    eyes.wire.forget("/robot")
+    eyes.run(5)
+    eyes.robot.release_open_goals("")
+    why = "it may not have heard that it should stop"
+    assert [note.text for note in eyes.of(Note)] == [f"released: somebody has released /pepper/eyes; {why}"]
+
+
 @pytest.mark.parametrize("noticed", [1.5, 8.0], ids=["while it shows", "after its end"])
 def test_who_was_cut_off_is_told_to_stop_when_it_is_back(noticed: float) -> None:
     """The middleware sees late that nobody listens: the reset was sent, and nobody heard it."""
@@ -873,6 +885,14 @@ def test_what_is_remembered_has_bounds() -> None:
         robot.run(robot.clock.now() + 0.05)
     assert len(robot.robot._goals) <= 201 and len(robot.robot._by_id) <= 201
     assert sum(report.status == "succeeded" for report in robot.of(ActionReport)) == 1200
+
+
+def test_what_cannot_be_stopped_is_remembered_within_bounds() -> None:
+    eyes = Eyes()
+    for number in range(300):
+        eyes.show(f"{number}/a", "happy", 0.1)
+        eyes.run(eyes.clock.now() + 0.5)
+    assert len(eyes.robot._goals) <= 201 and [goal.action for goal in eyes.of(RobotChanged)[-1].open] == ["299/a"]
 
 
 # --- a session that stands still ------------------------------------------------------------------------------------

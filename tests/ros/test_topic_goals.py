@@ -47,6 +47,24 @@ def test_a_base_that_comes_up_in_the_middle_does_not_begin(case: str) -> None:
     assert base.count("drive") == 5 and eyes.statuses("2/a") == ["accepted", "succeeded"]
 
 
+def test_who_comes_just_before_a_repetition_does_not_belong_to_those_who_began(monkeypatch: pytest.MonkeyPatch) -> None:
+    eyes = Eyes(rate=5.0, **RESET)
+    eyes.run(1)
+    eyes.show("1/a", "drive", 10)
+    eyes.run(3.05)
+    publisher = eyes.robot._endpoint_of["Emotion"].publisher  # type: ignore[union-attr]
+    publish, heard = publisher.publish, []
+
+    def publish_and_find(message: Any) -> None:
+        publish(message)
+        if not heard:
+            heard.append(listen(eyes, "/base2"))
+
+    monkeypatch.setattr(publisher, "publish", publish_and_find)
+    eyes.run(8)
+    assert set(heard[0]) == {"neutral"} and eyes.statuses("1/a") == ["accepted", "failed"]
+
+
 @pytest.mark.parametrize("lossy", ["our side", "their side", "neither"])
 def test_where_messages_may_be_lost_the_reset_is_repeated_less_and_less_often(lossy: str) -> None:
     eyes = Eyes(listening=False, **RESET, **({"qos": {"reliability": "best_effort"}} if lossy == "our side" else {}))

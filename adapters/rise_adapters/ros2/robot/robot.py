@@ -514,7 +514,7 @@ class Ros2Robot:
     def _forget_oldest(self) -> None:
         """Keep the number of remembered goals bounded."""
         goals = self._goals.values()
-        oldest = next((goal for goal in goals if not goal.is_live() and not goal.may_be_running), None)
+        oldest = next((goal for goal in goals if not (goal.is_live() or (goal.may_be_running and goal.holds_its_part))), None)
         if len(self._goals) > MAX_REMEMBERED and oldest is not None:
             del self._goals[oldest.action]
             if isinstance(oldest, ActionGoal):

@@ -56,7 +56,7 @@ class TopicGoal:
         self._suspended = 0.0
         """`suspended_seconds` at that time."""
         self._listeners: frozenset[bytes] = frozenset()
-        """The programs that its message goes to."""
+        """The programs that its message goes to, from its first time on."""
         self._repeat: Timer | None = None
         self._expected = goal.expected
         self._waiting = Waiting(host, mapping.deadlines.server)
@@ -100,6 +100,10 @@ class TopicGoal:
         return self._is_stoppable
 
     def release(self, by: str = "somebody") -> None:
+        if self.phase == "ended" and self.may_be_running:
+            self._host.report_note(
+                self.endpoint, f"released: {by} has released {self.endpoint.name}; {self.why_open()}"
+            )
         self.endpoint.release(self)
         self.may_be_running = False
         self._host.on_goal_changed(self)
@@ -164,19 +168,18 @@ class TopicGoal:
 
     def _publish(self) -> None:
         try:
-            self._send()
+            self._listeners = self.endpoint.order(self, self._make_message())
         except (PortError, ValueError) as error:
             self._end("failed", f"not-sent: {error}")
             return
+        self._plan_repetition()
         self.phase = "running"
         self.may_be_running = self._is_stoppable
         self._deadline = self._host.clock.now() + self._expected
         self._host.report_accepted(self.action)
         self._host.on_goal_changed(self)
 
-    def _send(self) -> None:
-        """Publish the message now, and again at its rate. Raises PortError and ValueError."""
-        self._listeners = self.endpoint.order(self, self._make_message())
+    def _plan_repetition(self) -> None:
         if self._rate:
             clock = self._host.clock
             self._sent_at, self._suspended = clock.now(), suspended_seconds()
@@ -191,9 +194,11 @@ class TopicGoal:
             self._end("aborted", f"standstill: the session was silent for {silent:.1f} s, so the robot does not go on")
             return
         try:
-            self._send()
-        except (PortError, ValueError) as error:
+            self.endpoint.publisher.publish(self._make_message())
+        except Exception as error:
             self._end("aborted", f"standstill: it cannot be repeated, so the robot does not go on ({error})")
+        else:
+            self._plan_repetition()
 
     def _end(self, status: Ending, reason: str) -> None:
         assert self.phase != "ended"
