@@ -88,6 +88,18 @@ def test_one_that_comes_and_goes_is_told_a_few_times_only() -> None:
     assert standing(robot)[0] == "connected"
 
 
+def test_one_that_comes_and_goes_and_then_is_missing_is_told_to_be_missing() -> None:
+    robot = with_estop(**TOPIC, silent_after=1)
+    button = robot.far.publisher(NAME, TYPE)
+    button.publish({"data": False})
+    for _ in range(4):
+        robot.run(robot.clock.now() + 1.5)
+        button.publish({"data": False})
+    button.close()
+    robot.run(robot.clock.now() + 2)
+    assert standing(robot)[1].endswith("cannot be heard: nothing publishes it as std_msgs/msg/Bool")
+
+
 def say(robot: Alone, seconds: int, *buttons: tuple[Any, bool]) -> None:
     """Let each button publish its state twice a second."""
     for _ in range(seconds * 2):

@@ -42,7 +42,7 @@ class RobotHealth(Struct, frozen=True):
 
 
 UNSTEADY_TIMES, UNSTEADY_SECONDS = 3, 30.0
-"""An emergency stop that had a fault so often within so many seconds has it until it was right for as long."""
+"""An emergency stop that had faults so often within so many seconds has them until it was right for as long."""
 
 
 class EstopWatch:
@@ -63,8 +63,8 @@ class EstopWatch:
         if self._is_faulty and not was_faulty:
             began.append(now)
         is_unsteady = len(began) == UNSTEADY_TIMES and now < began[0] + UNSTEADY_SECONDS
-        if not (self._told and is_unsteady):
-            self._told = frozenset({(estop.label, estop.fault)}) if estop.fault else frozenset()
+        present = frozenset({(estop.label, str(estop.fault))} if estop.fault else ())
+        self._told = self._told | present if self._told and is_unsteady else present  # another fault is news
         return self._told
 
 
