@@ -309,12 +309,23 @@ def test_nothing_begins_after_the_computer_has_slept_until_it_is_heard_again(mon
     say(robot, 2, (button, False))
     slept = suspended_seconds() + 3600  # somebody may have pressed it
     monkeypatch.setattr("rise_adapters.ros2.robot.estop_input.suspended_seconds", lambda: slept)
-    robot.run(robot.clock.now() + 0.5)
     robot.start()
     robot.run(robot.clock.now() + 1)
     assert robot.servers["/pepper/rise/speech"].at_once == 0
     say(robot, 1, (button, False))
     assert robot.servers["/pepper/rise/speech"].at_once == 1
+
+
+def test_a_button_is_heard_although_nobody_can_be_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = with_estop(**TOPIC)
+
+    def fail(topic: str) -> list[RemoteEndpoint]:
+        raise RuntimeError("as the middleware, in a call that nothing guards")
+
+    monkeypatch.setattr(robot.near, "publisher_endpoints", fail)
+    with pytest.raises(RuntimeError):
+        robot.robot._estop._take_message({"data": True})  # type: ignore[union-attr]
+    assert robot.of(EstopReport) == [PRESSED]
 
 
 def test_a_message_that_arrives_after_the_end_of_its_program_does_not_count_for_the_next_one() -> None:

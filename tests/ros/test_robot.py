@@ -551,7 +551,9 @@ def test_an_error_at_one_part_does_not_hide_that_another_has_gone(monkeypatch: p
     assert [report.status for report in robot.of(ActionReport)] == ["accepted", "lost"]
 
 
-def test_an_error_that_lasts_neither_spins_nor_prolongs_what_another_part_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_that_lasts_neither_spins_nor_prolongs_what_another_part_does(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     eyes = Eyes(rate=5.0, reset={"data": "neutral"})
     eyes.run(1)
     eyes.show("1/a", "drive", 2)
@@ -566,6 +568,7 @@ def test_an_error_that_lasts_neither_spins_nor_prolongs_what_another_part_does(m
     eyes.run(6)
     assert eyes.statuses("1/a") == ["accepted", "succeeded"] and eyes.seen[-1][1] == "neutral"
     assert eyes.seen[-1][0] < 3.3 and len(calls) < 40
+    assert len(caplog.records) == 1, "it is logged once"
 
 
 @pytest.mark.parametrize("then", ["stop", "close"])

@@ -243,7 +243,9 @@ class ActionReader:
             qos = parse_qos(self._read_table("qos"), kind, self._path_of("qos"), self._mistakes)
             mapping = replace(mapping, **qos)
             if mapping.rate and mapping.topic_qos.latched:
-                self._add_mistake("rate", "cannot be used with `transient_local`: a base that comes up would begin midway")
+                self._add_mistake(
+                    "rate", "cannot be used with `transient_local`: a base that comes up would begin midway"
+                )
         unused = tuple(each for each in self._spec.parameters if each not in used)
         return replace(mapping, unused_parameters=unused, harmless=self._is_harmless(mapping))
 

@@ -63,7 +63,7 @@ class EstopInput:
         """The programs that publish it, at the last look, and when they were found."""
         self._ends: Counter[tuple[bytes, str]] = Counter()
         """Their publishers, by program and node."""
-        self._known: Counter[str] = before._known if before is not None else Counter()
+        self._known: Counter[str] = Counter(before._known if before is not None else ())
         """How many programs have to be there, by node."""
         self._ask_again = False
         """Whether a publisher that says only changes has to say again what is latched."""
@@ -107,7 +107,9 @@ class EstopInput:
         slept = suspended_seconds() - self._suspended
         self._suspended += slept
         self._ask_again |= self._ends != ends_before or slept >= SLEPT_SECONDS
-        if self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS:  # what was said before may not be true any more
+        if (
+            self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS
+        ):  # what was said before may not be true any more
             self._since = now
             self.pressed = self.pressed or None
         # A program that was killed is still shown for a while: two that stay longer than that are two buttons.
@@ -133,7 +135,7 @@ class EstopInput:
             return "gone"
         if self._is_inherited:
             return "inherited"
-        if self.pressed is None:
+        if self.pressed is None or suspended_seconds() >= self._suspended + SLEPT_SECONDS:
             return "unheard"
         limit = self._mapping.silent_after
         return "silent" if limit and self._now() > self._since + limit else ""
@@ -181,10 +183,12 @@ class EstopInput:
 
     def _take_message(self, message: Message) -> None:
         before, pressed = self.pressed, self._mapping.is_pressed(message)
+        if pressed:
+            self._take(True)  # whatever becomes of the look
         self._look()
         self._since = self._now()
-        if pressed or self.pressed == before:  # otherwise this may be the last word of a program that has gone
-            self._take(pressed)
+        if not pressed and self.pressed == before:  # otherwise this may be the last word of a program that has gone
+            self._take(False)
 
     def _take_request(self, request: Message, reply: SendReply) -> None:
         pressed = bool(request["data"])

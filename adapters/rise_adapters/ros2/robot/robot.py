@@ -78,10 +78,10 @@ class Ros2Robot:
         self._timer: Timer | None = None
         self._next_poll = inf
         """The time of the next timer event."""
-        self._poll_soonest = POLL_SOONEST
-        """Seconds until that at least. After an error, goals may be due that could not be polled."""
+        self._went_well = True
+        """Whether the last poll had no error. Otherwise goals may be due that could not be polled."""
         self._last_error = ""
-        """The last error that was logged: one that lasts is logged once."""
+        """The last error that was logged; empty: there has been a poll without one since."""
         self._stop: StopAll | None = None
         self._reported: RobotHealth | None = None
         """The robot's state in the last report."""
@@ -357,7 +357,8 @@ class Ros2Robot:
         when = min((goal.next_deadline() for goal in self._live.values()), default=inf)
         if self._reported is None:
             when = min(when, self._grace_until)
-        when = max(now + self._poll_soonest, min(when, now + interval))
+        soonest = POLL_SOONEST if self._went_well else POLL_RUNNING
+        when = max(now + soonest, min(when, now + interval))
         if when < self._next_poll:
             if self._timer is not None:
                 self._timer.cancel()
@@ -374,26 +375,24 @@ class Ros2Robot:
         if self._estop is not None and not self._transport.failure():
             steps.append(self._estop.poll)
         steps.append(self._leftovers.poll)
-        went_well = self._attempt(steps)
-        went_well &= self._attempt([goal.poll for goal in self._live.values()])
-        went_well &= self._attempt([self._report_standing])
-        self._poll_soonest = POLL_SOONEST if went_well else POLL_RUNNING
-        self._last_error = "" if went_well else self._last_error
+        self._went_well = True
+        self._attempt(steps)
+        self._attempt([goal.poll for goal in self._live.values()])
+        self._attempt([self._report_standing])
+        self._last_error = "" if self._went_well else self._last_error
         self._set_timer()
 
-    def _attempt(self, steps: Iterable[Callable[[], object]]) -> bool:
-        """Do all of these. An error of one (a mistake of ours, or of the middleware) keeps none of the others from it.
-        Returns whether all went well."""
-        went_well = True
+    def _attempt(self, steps: Iterable[Callable[[], object]]) -> None:
+        """Do all of these. An error of one (a mistake of ours, or of the middleware) keeps none of the others from it,
+        and is logged once while it lasts."""
         for step in steps:
             try:
                 step()
             except Exception as error:
-                went_well = False
+                self._went_well = False
                 if repr(error) != self._last_error:
                     self._last_error = repr(error)
                     _LOG.exception("a part of the robot could not be asked or told")
-        return went_well
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
         """Check which servers are there (all, unless some are named), and tell their goals. Endpoints that appear or
@@ -513,9 +512,12 @@ class Ros2Robot:
 
     def _forget_oldest(self) -> None:
         """Keep the number of remembered goals bounded."""
+        if len(self._goals) <= MAX_REMEMBERED:
+            return
         goals = self._goals.values()
-        oldest = next((goal for goal in goals if not (goal.is_live() or (goal.may_be_running and goal.holds_its_part))), None)
-        if len(self._goals) > MAX_REMEMBERED and oldest is not None:
+        needed = {goal.action for goal in goals if goal.is_live() or (goal.may_be_running and goal.holds_its_part)}
+        oldest = next((goal for goal in goals if goal.action not in needed), None)
+        if oldest is not None:
             del self._goals[oldest.action]
             if isinstance(oldest, ActionGoal):
                 del self._by_id[oldest.id]
