@@ -33,6 +33,7 @@ from rise_adapters.ros2.transport.port import Transport
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import ENDINGS, ActionRecord, RobotRecord, StopRecord
+from rise_engine.kernel.view import SessionView
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.model import Scenario
@@ -102,8 +103,11 @@ class Case(Records):
         old.abandon()
         self.transport = self.open_transport()
         unused: Any = None
+        view = SessionView()
+        for record in self.records:
+            view.apply(record)
         recovered = RecoveredSession(
-            *(old.scenario, unused, kernel, unused, now, timers, old.inputs, 0, b"", []),
+            *(old.scenario, unused, kernel, view, now, timers, old.inputs, 0, b"", []),
             last_wall=self.clock.wall_label(now),
             last_t=now,
         )
