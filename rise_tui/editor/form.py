@@ -1,32 +1,34 @@
-"""Forms on the screen: a list of fields that are changed one by one, and a form that is filled in as a whole."""
+"""A form on the screen: a list of fields. Those of a page are changed one by one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import EditRefused
+from rise_tui.editor.model.condition_reading import suggest_ending
 from rise_tui.editor.model.fields import (
     EditField,
     FieldChoice,
     FieldNote,
     FormColumns,
+    complete_name,
     field_line,
     field_rows,
     form_columns,
+    info,
     note_lines,
 )
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.rendering.text import StyledLine, crop, line_width, wrap
+from rise_tui.editor.pick_list import Picked, PickList
+from rise_tui.rendering.text import crop, line_width
 from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -49,40 +51,33 @@ class EndingSuggester(Suggester):
         return value + ending if ending else None
 
 
+class Changes(Protocol):
+    """What a form does with its edits."""
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step. `then` is called once they are made."""
+
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        """`say` what would be newly wrong with the study."""
+
+
 class FieldList(Vertical):
-    """Shows fields (`show`). The field under the cursor is changed in its row. Messages carry the new value."""
+    """Shows fields (`show`). The field under the cursor opens in its row, and is changed when its text is accepted."""
 
     DEFAULT_CSS = """
     FieldList { height: 1fr; layers: default edit; }
     FieldList TextField { layer: edit; display: none; }
     FieldList #said { height: 2; }
     """
+    above = 0
+    """Lines above the rows."""
 
-    @dataclass
-    class SetField(Message):
-        """Give a field another text; None: remove it."""
-
-        field: EditField
-        text: str | None
-
-    @dataclass
-    class FieldTyped(Message):
-        """The text of a field while it is typed."""
-
-        field: EditField
-        text: str
-
-    @dataclass
-    class OpenField(Message):
-        """Open the list of a field's choices."""
-
-        field: EditField
-
-    def __init__(self, *, id: str | None = None) -> None:
+    def __init__(self, changes: Changes, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self.rows = RowList()
-        self.input = TextField(select_on_focus=False, suggester=EndingSuggester(self.ending))
+        self.input = TextField(select_on_focus=False, suggester=EndingSuggester(self._ending))
         self._said = StaticLines(id="said")
+        self._changes = changes
         self._fields: dict[str, EditField] = {}
         self._typing: EditField | None = None
         self._notes: Sequence[FieldNote] = ()
@@ -108,8 +103,7 @@ class FieldList(Vertical):
         """The characters of all rows and of the lines below."""
         return f"{self.rows.text}\n{self._said.text}"
 
-    above = 0
-    """Lines above the rows."""
+    # --- drawing ------------------------------------------------------------------------------------------------------
 
     @property
     def _columns(self) -> FormColumns:
@@ -132,25 +126,27 @@ class FieldList(Vertical):
         self._draw_said()
 
     def say(self, *notes: FieldNote) -> None:
-        """Show remarks about the field instead of its own note."""
+        """Show remarks about what is typed."""
         self._notes = notes
         self._draw_said()
 
     def _draw_said(self) -> None:
-        width, height = max(20, self._said.size.width), max(2, self._said.size.height)
         field = self._typing or self.current
-        lines: list[StyledLine] = []
-        if self._notes:
-            lines = note_lines(self._notes, width - 4, height)
-        elif field is not None and (note := field.reason or field.note) and (self.is_typing or self._is_cut(field)):
-            lines = [((piece, "muted"),) for piece in wrap(note, width - 4)[:height]]
+        notes = self.notes_on(field) if field is not None else self._notes
+        width, height = max(20, self._said.size.width), max(2, self._said.size.height)
+        lines = note_lines(notes, width - 4, height)
         self._said.show(*(crop((("   ", "plain"), *line), width) for line in lines))
+
+    def notes_on(self, field: EditField) -> Sequence[FieldNote]:
+        """What is said about a field, the most important first."""
+        is_seen = not self.is_typing and not self._is_cut(field)
+        return self._notes or info("" if is_seen else field.reason or field.note)
 
     def _is_cut(self, field: EditField) -> bool:
         """Whether the row is too narrow for the whole note."""
         return line_width(field_line(field, self._columns)) > self.rows.row_width
 
-    # --- changing -----------------------------------------------------------------------------------------------------
+    # --- fields -------------------------------------------------------------------------------------------------------
 
     def open_current(self, *, select: bool = False) -> None:
         """Open the field under the cursor.
@@ -161,20 +157,20 @@ class FieldList(Vertical):
         if field is None or field.reason or field.kind == "fixed":
             return
         if field.kind != "text":
-            self.post_message(self.OpenField(field))
+            self.list_choices(field)
             return
         self._typing = field
         self._place_input()
         with self.input.prevent(Input.Changed):
             self.input.placeholder = field.empty if field.text is None else ""
-            self.put(field.text or "")
+            self._put(field.text or "")
             if select:
                 self.input.select_all()
         self.input.display = True
         self.screen.set_focus(self.input)
         self.say()
 
-    def put(self, text: str) -> None:
+    def _put(self, text: str) -> None:
         """Put a text into the open field, with the cursor at its end."""
         self.input.value = text
         self.input.cursor_position = len(text)
@@ -185,12 +181,6 @@ class FieldList(Vertical):
         self.input.styles.offset = (left, self.rows.cursor - self.rows.scroll_offset.y + self.above)
         self.input.styles.width = max(10, self.rows.row_width - left)
 
-    def clear_current(self) -> None:
-        """Remove the value of the field under the cursor."""
-        field = self.current
-        if field is not None and not field.reason and field.kind in ("text", "choice") and field.text is not None:
-            self.post_message(self.SetField(field, None))
-
     def close(self) -> None:
         """Close the open field, unchanged."""
         if self._typing is not None:
@@ -199,19 +189,59 @@ class FieldList(Vertical):
             self.say()
             self.screen.set_focus(self.rows)
 
-    def ending(self, text: str) -> str:
-        """A likely ending for what is typed."""
-        return ""
+    def clear_current(self) -> None:
+        """Remove the value of the field under the cursor."""
+        field = self.current
+        if field is not None and not field.reason and field.kind in ("text", "choice") and field.text is not None:
+            self._set(field, None)
 
-    def typed(self, field: EditField, text: str) -> None:
-        """Report that the text of the open field has changed."""
-        self.post_message(self.FieldTyped(field, text))
+    def _set(self, field: EditField, text: str | None) -> None:
+        """Give a field of a page another text; None: remove it."""
+        try:
+            edits = field.edits(text)
+        except EditRefused as refused:
+            self.say(FieldNote("error", str(refused)))
+        else:
+            self._changes.make(*edits)
+
+    def list_choices(self, field: EditField) -> None:
+        """Open the list of a field's choices. The chosen name goes into an open field."""
+        text, choices, ticks = (field.text or "").strip(), list(field.choices), None
+        if field.kind == "many":
+            text, ticks = "", tuple(filter(None, text.split(",")))
+        elif field.kind == "choice" and field.can_be_cleared and not field.required and field.text is not None:
+            choices.append(FieldChoice("", "– not given", field.note))
+
+        def take(picked: Picked | None) -> None:
+            if picked is None:
+                return
+            if field.kind == "many":
+                self._set(field, ",".join(picked.ticked) or None)
+            elif field.kind == "choice":
+                self._set(field, picked.value or None)
+            elif picked.value:
+                begun = self.input.value if field.is_expression else ""
+                self._put(f"{begun}{'' if not begun or begun[-1] in ' ([' else ' '}{picked.value}")
+
+        self.app.push_screen(PickList(field.label, choices, now=text, new=field.new, ticked=ticks), take)
+
+    def _ending(self, text: str) -> str:
+        """A likely ending for what is typed."""
+        names = [each.value for each in self._typing.choices] if self._typing is not None else []
+        is_expression = self._typing is not None and self._typing.is_expression
+        return suggest_ending(text, names) if is_expression else complete_name(text, names)
 
     @on(Input.Changed)
-    def _input_changed(self, event: Input.Changed) -> None:
+    def _typed(self, event: Input.Changed) -> None:
         event.stop()
         if self._typing is not None:
             self.typed(self._typing, event.value)
+
+    def typed(self, field: EditField, text: str) -> None:
+        """Check what is typed."""
+        self._changes.preview(lambda: field.edits(text or None), self.say)
+
+    # --- keys ---------------------------------------------------------------------------------------------------------
 
     def on_key(self, event: events.Key) -> None:
         if self.carry_out_key(event.key):
@@ -229,22 +259,21 @@ class FieldList(Vertical):
         return key == "escape" or key in TAKES
 
     def _take(self, step: Step) -> None:
+        """Accept what is typed, and open the next field."""
         field, text = self._typing, self.input.value
         self.close()
         if field is not None and text != (field.text or ""):
-            given = text if text or field.required else None
-            self.post_message(self.SetField(field, given))
+            self._set(field, text if text or field.required else None)
+        before = self.rows.cursor
         if step:
-            before = self.rows.cursor
             self.rows.action_step(step)
-            following = self.current
-            if self.rows.cursor != before and following is not None and following.kind == "text":
-                self.open_current(select=True)
+        following = self.current
+        if self.rows.cursor != before and following is not None and following.kind == "text":
+            self.open_current(select=True)
 
     @on(RowView.CursorMoved)
-    def _moved(self, event: RowView.CursorMoved) -> None:
-        if event.rows is self.rows:
-            self.say()
+    def _moved(self) -> None:
+        self.say()
 
 
 class FormPage(EditPage):
@@ -252,7 +281,11 @@ class FormPage(EditPage):
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
-        self.form = FieldList()
+        self.form = FieldList(self)
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step."""
+        self.frame.make(*edits, then=then)
 
     @property
     def is_typing(self) -> bool:
@@ -261,11 +294,7 @@ class FormPage(EditPage):
     @property
     def form_calls(self) -> Mapping[str, Callable[[], object]]:
         """What actions do while the form has the focus."""
-        return {"edit.open": self._open_current, "edit.remove": self._remove_current}
-
-    def _open_current(self) -> None:
-        self.form.open_current()
-        self.frame.draw_bars()
+        return {"edit.open": self.form.open_current, "edit.remove": self._remove_current}
 
     def _remove_current(self) -> None:
         if not self.remove_field():
@@ -274,42 +303,3 @@ class FormPage(EditPage):
     def remove_field(self) -> bool:
         """Remove more than the text of the field under the cursor; False: only its text."""
         return False
-
-    @on(FieldList.SetField)
-    def _set(self, event: FieldList.SetField) -> None:
-        event.stop()
-        self._take(event.field, event.text)
-
-    def _take(self, field: EditField, text: str | None) -> None:
-        try:
-            edits = field.edits(text)
-        except EditRefused as refused:
-            self.form.say(FieldNote("error", str(refused)))
-            return
-        self.frame.make(*edits)
-        self.frame.draw_bars()
-
-    @on(FieldList.OpenField)
-    def _open(self, event: FieldList.OpenField) -> None:
-        event.stop()
-        field = event.field
-        if field.kind == "many":
-            now = tuple(filter(None, (field.text or "").split(",")))
-            self.frame.choose_many(
-                field.label, field.choices, now, lambda chosen: self._take(field, ",".join(chosen) or None)
-            )
-            return
-        choices = list(field.choices)
-        if not field.required and field.text is not None and field.id not in ("type", "failure"):
-            choices.append(FieldChoice("", "– not given", field.note))
-        self.frame.choose(field.label, choices, lambda chosen: self._take(field, chosen or None),
-                          now=field.text or "", new=field.new)  # fmt: skip
-
-    @on(FieldList.FieldTyped)
-    def _typed(self, event: FieldList.FieldTyped) -> None:
-        event.stop()
-
-        def edits() -> tuple[AnyEdit, ...]:
-            return event.field.edits(event.text or None)
-
-        self.preview(edits, self.form.say)

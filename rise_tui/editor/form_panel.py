@@ -2,67 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 from textual import on
 from textual.app import ComposeResult
-from textual.message import Message
 
-from rise_tui.editor.form import TAKES, FieldList, Step
-from rise_tui.editor.model.fields import (
-    EditField,
-    FieldNote,
-    RuleForm,
-    ticked,
-)
-from rise_tui.editor.pick_list import Picked, PickList
+from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.plan import EditRefused
+from rise_tui.editor.form import TAKES, Changes, FieldList
+from rise_tui.editor.model.fields import EditField, FieldNote, Form, info, ticked
 from rise_tui.rendering.text import crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
-KEEPS_TEXT = ("condition", "held", "value")
-"""Fields that keep what is typed before a chosen name."""
-
 
 class FormPanel(FieldList):
-    """A form that is filled in as a whole. The field under the cursor is open; Enter carries the form out."""
+    """Shows a form (`open`). The field under the cursor is always open; Enter carries the form out, Esc leaves it."""
 
     DEFAULT_CSS = """
-    FormPanel { height: auto; max-height: 70%; display: none; }
-    FormPanel.-open { display: block; }
+    FormPanel { height: auto; max-height: 70%; }
     FormPanel #said { height: 3; }
     """
     above = 1
 
-    @dataclass
-    class Finished(Message):
-        """Enter: carry the form out."""
-
-        form: RuleForm
-
-    @dataclass
-    class FormChanged(Message):
-        """A value of the form has changed."""
-
-        form: RuleForm
-
-    class FormLeft(Message):
-        """Esc: change nothing."""
-
-    @dataclass
-    class ExtraAsked(Message):
-        """F5: add something to the form, such as a key for an event."""
-
-        form: RuleForm
-
-    def __init__(self) -> None:
-        super().__init__(id="form")
-        self.form: RuleForm | None = None
-        self.is_waiting = False
-        """Whether the form is being carried out: a second Enter must not repeat it."""
+    def __init__(self, changes: Changes) -> None:
+        super().__init__(changes, id="form")
         self.heading = StaticLines(id="form-heading")
-        self._finding: list[FieldNote] = []
-        self._problem = ""
+        self.form: Form | None = None
+        self._when_closed: Callable[[Form | None], None] = lambda form: None
+        self._found: Sequence[FieldNote] = ()
+        """What would be newly wrong with the study."""
 
     def compose(self) -> ComposeResult:
         yield self.heading
@@ -72,25 +41,20 @@ class FormPanel(FieldList):
     def is_open(self) -> bool:
         return self.form is not None
 
-    def open(self, form: RuleForm, focus: str = "") -> None:
-        """Show a form with the cursor in field `focus`, or else in the first text field."""
-        self.form, self.is_waiting, self._finding, self._problem = form, False, [], ""
-        self._typing = None
-        self.add_class("-open")
-        first = next((each.id for each in form.fields if each.kind == "text"), form.fields[0].id)
+    def open(self, form: Form, focus: str, closed: Callable[[Form | None], None]) -> None:
+        """Show a form with the cursor in field `focus`, or else in the first text field.
+
+        :param closed: receives the form when it was carried out; None if the author has left it.
+        """
+        self.form, self._when_closed, self._found, self._typing = form, closed, (), None
         self._show_form()
+        first = next((each.id for each in self._fields.values() if each.kind == "text"), next(iter(self._fields)))
         self._enter(focus or first)
 
-    def close_form(self) -> None:
-        """Close the form."""
+    def _close_form(self, form: Form | None) -> None:
         self.form, self._typing = None, None
         self.input.display = False
-        self.remove_class("-open")
-
-    def say_finding(self, *found: FieldNote) -> None:
-        """Show what the check says about the study with this form's change."""
-        self._finding = list(found)
-        self._draw_said()
+        self._when_closed(form)
 
     def _show_form(self) -> None:
         if self.form is None:
@@ -101,75 +65,86 @@ class FormPanel(FieldList):
         self.show(self.form.fields)
         self.rows.styles.height = self.rows.count
 
+    def notes_on(self, field: EditField) -> Sequence[FieldNote]:
+        if self._notes:
+            return self._notes
+        is_text, has_error = field.kind == "text", any(each.level == "error" for each in field.remarks)
+        notes = [*([] if has_error else self._found), *field.remarks, *info(field.note if is_text else "")]
+        return notes or info("F2 lists the names" if is_text and field.choices else "")
+
+    def _say_found(self, *notes: FieldNote) -> None:
+        self._found = notes
+        self._draw_said()
+
     def _enter(self, id: str) -> None:
         """Put the cursor on a field. A text opens immediately; among options the cursor is on the chosen one."""
         self.rows.select(id)
-        field = self.current
-        if field is not None and field.kind == "text":
+        field, self._notes = self.current, ()
+        if field is None:
+            return
+        if field.kind == "text":
             self._option = -1
             self.open_current()
-            self._show_form()
-        elif field is not None:
+        else:
             self._typing = None
             self.input.display = False
             values = [each.value for each in field.choices]
             self._option = values.index(field.text) if field.kind == "option" and field.text in values else 0
             self.screen.set_focus(self.rows)
-            self._show_form()
-
-    def _draw_said(self) -> None:
-        field = self._typing or self.current
-        if self.form is not None and field is not None:
-            notes = self.form.notes(field.id)
-            if not any(note.level == "error" for note in notes):
-                notes = [*self._finding, *notes]
-            if field.kind == "text" and field.note:
-                notes = [*notes, FieldNote("info", field.note)]
-            if not notes and self.form.choices(field.id):
-                notes = [FieldNote("info", "F2 lists the names")]
-            self._notes = [FieldNote("error", self._problem)] if self._problem else notes
-        super()._draw_said()
-
-    # --- keys ---------------------------------------------------------------------------------------------------------
-
-    def ending(self, text: str) -> str:
-        return self.form.ending(self._typing.id, text) if self.form is not None and self._typing is not None else ""
+        self._show_form()
 
     def typed(self, field: EditField, text: str) -> None:
         self._change(field.id, text)
 
     def _change(self, field: str, value: str) -> None:
         form = self.form
-        if form is None or value == next((each.text or "" for each in form.fields if each.id == field), None):
+        if form is None or value == (self._fields[field].text or ""):
             return
-        self.form, self.is_waiting, self._problem, self._finding = form.with_value(field, value), False, "", []
+        self.form, self._notes, self._found = form.with_value(field, value), (), ()
         self._show_form()
-        self.post_message(self.FormChanged(self.form))
+        self._changes.preview(self._edits_so_far, self._say_found)
+
+    def _edits_so_far(self) -> tuple[AnyEdit, ...]:
+        """The edits of the form; none while it is incomplete, because that is not wrong yet."""
+        try:
+            return self.form.edits() if self.form is not None else ()
+        except EditRefused:
+            return ()
 
     def carry_out_key(self, key: str) -> bool:
         form, field = self.form, self.current
         if form is None or field is None:
             return False
         if key == "enter":
-            self.finish()
+            self._finish(form, lambda: self._close_form(form))
         elif key == "escape":
-            self.post_message(self.FormLeft())
-        elif key in TAKES:
-            self._go_on(TAKES[key])
+            self._close_form(None)
+        elif key in TAKES:  # the fields are a ring: only Esc and Enter leave the form
+            ids = list(self._fields)
+            self._enter(ids[(ids.index(field.id) + TAKES[key]) % len(ids)])
         elif key == "f2":
-            self._list_names(field)
+            if field.kind == "text" and field.choices:
+                self.list_choices(field)
         elif key == "f5":
-            self.post_message(self.ExtraAsked(form))
+            if (following := form.following()) is not None:
+                self._finish(form, lambda: self.open(following, "", self._when_closed))
         elif field.kind in ("option", "ticks") and key in ("left", "right", "space"):
             self._choose_option(field, key)
         else:
             return False
         return True
 
-    def _go_on(self, step: Step) -> None:
-        """Go to another field. The fields are a ring: only Esc and Enter leave the form."""
-        ids = list(self._fields)
-        self._enter(ids[(ids.index(self.rows.current_id) + step) % len(ids)])
+    def _finish(self, form: Form, then: Callable[[], None]) -> None:
+        """Carry the form out, if nothing is missing."""
+        try:
+            edits = form.edits()
+        except EditRefused as refused:
+            self.say(FieldNote("error", str(refused)))
+            return
+        if edits:
+            self._changes.make(*edits, then=then)
+        else:
+            then()
 
     def _choose_option(self, field: EditField, key: str) -> None:
         """Move among the options, which are a ring. In a field of ticks, space ticks or unticks one."""
@@ -183,35 +158,12 @@ class FormPanel(FieldList):
         else:
             self._show_form()
 
-    def _list_names(self, field: EditField) -> None:
-        choices = self.form.choices(field.id) if self.form is not None else []
-        if not choices:
-            return
-
-        def take(picked: Picked | None) -> None:
-            if picked is None or not picked.value:
-                return
-            text = self.input.value if field.id in KEEPS_TEXT else ""
-            self.put(f"{text}{'' if not text or text[-1] in ' ([' else ' '}{picked.value}")
-
-        self.app.push_screen(PickList(field.label, choices, now=(field.text or "").strip(), new=field.new), take)
-
-    def finish(self) -> None:
-        """Carry the form out, if nothing is missing."""
-        if self.form is None:
-            return
-        self._problem = self.form.missing()
-        self._draw_said()
-        if not self._problem and not self.is_waiting:
-            self.is_waiting = True
-            self.post_message(self.Finished(self.form))
-
     @on(RowView.Resized)
     def _resized(self, event: RowView.Resized) -> None:
         event.stop()
         self._show_form()
 
     @on(RowView.CursorMoved)
-    def _moved_here(self, event: RowView.CursorMoved) -> None:
+    def _clicked(self, event: RowView.CursorMoved) -> None:
         event.stop()
         self._enter(self.rows.current_id)

@@ -125,7 +125,8 @@ class RuleDisplay(Vertical):
     RuleDisplay { height: 1fr; }
     RuleDisplay #rule-graph-list { height: 1fr; min-height: 4; }
     RuleDisplay #rule-parts { height: 1fr; min-height: 3; max-height: 12; }
-    RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
+    RuleDisplay FormPanel, RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
+    RuleDisplay.-form FormPanel { display: block; }
     """
 
     @dataclass
@@ -144,7 +145,7 @@ class RuleDisplay(Vertical):
         self._laid_out: tuple[WrittenRule, int] | None = None
         self._findings: dict[GraphSpot, list[Diagnostic]] = {}
         self.heading, self.state_heading = StaticLines(id="rule-heading"), StaticLines(id="state-heading")
-        self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel()
+        self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel(study)
         self._opened_from: RowView = self.graph
         """The list from which the form was opened."""
 
@@ -175,7 +176,6 @@ class RuleDisplay(Vertical):
 
     def redraw(self) -> None:
         """Show the present rule."""
-        self.panel.is_waiting = False
         rule, width = self.rule, self.graph.row_width
         if width <= 0:
             return

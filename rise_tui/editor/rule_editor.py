@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from msgspec import structs
-from textual import on
 
 from rise_engine.author.edit.edits import (
     AddStatement,
@@ -18,11 +17,16 @@ from rise_engine.author.edit.edits import (
     StatementAddress,
 )
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
-from rise_tui.editor.form_panel import FormPanel
-from rise_tui.editor.model.call_form import CallDraft, CallRuleForm, ConditionRuleForm
-from rise_tui.editor.model.fields import RuleForm
-from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm
+from rise_tui.editor.model.fields import Form
 from rise_tui.editor.model.rule_graph import GraphSpot
+from rise_tui.editor.model.state_forms import (
+    NameForm,
+    TransitionRuleForm,
+    likely_transition,
+    transition_of,
+    transition_values,
+    why_not_editable,
+)
 from rise_tui.editor.model.state_parts import (
     PartRow,
     add_branch,
@@ -34,12 +38,7 @@ from rise_tui.editor.model.state_parts import (
     state_parts,
     use_of,
 )
-from rise_tui.editor.model.transition_form import (
-    TransitionDraft,
-    TransitionRuleForm,
-    likely_transition,
-    why_not_editable,
-)
+from rise_tui.editor.model.statement_forms import CallRuleForm, ConditionRuleForm, TemplateValueForm, call_values
 from rise_tui.editor.rule_display import RuleDisplay
 
 STATE_HINTS = {
@@ -90,7 +89,7 @@ class RuleEditor(RuleDisplay):
             "edit.open": self._open_here,
             "edit.add": lambda rule, state, spot: self._add(rule, state, behind=False),
             "edit.behind": lambda rule, state, spot: self._add(rule, state, behind=True),
-            "edit.rename": lambda rule, state, spot: self._open(NameForm(rule, "rename state", state.id, state.id)),
+            "edit.rename": lambda rule, state, spot: self._open(NameForm({"name": state.id}, rule.name, state.id)),
             "edit.only-if": self._only_if,
             "edit.otherwise": self._otherwise,
             "edit.chance": self._by_chance,
@@ -126,14 +125,14 @@ class RuleEditor(RuleDisplay):
         elif part.kind == "transition":
             self._open_transition(rule, state, part.transition)
         elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
-            self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
+            self._open(CallRuleForm(call_values(call), names, part.at, call))
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
             at = _arm(part)
-            self._open(ConditionRuleForm(names, at, "change", part.guard, part.guard))
+            self._open(ConditionRuleForm({"condition": part.guard}, names, at, "change", part.guard))
         elif part.kind == "parameter" and (use := use_of(self._study.outline, state)) is not None:
             name = part.target or ""
             given = use.values.get(name)
-            self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
+            self._open(TemplateValueForm({"value": given.text if given is not None else ""}, use, name))
         else:
             self._add(rule, state, behind=False)
 
@@ -142,30 +141,30 @@ class RuleEditor(RuleDisplay):
         if reason := transition.reason or why_not_editable(transition.form):
             self._refuse(f"{reason}; e opens the file there")
             return
-        self._open(
-            TransitionRuleForm(
-                self._study.names,
-                rule,
-                state.id,
-                TransitionDraft.of(transition.form),
-                number,
-                transition.form,
-                bool(transition.statements),
-                len(state.transitions),
-            )
-        )
+        values = transition_values(transition.form)
+        self._open(TransitionRuleForm(values, self._study.names, rule, state, number))
 
-    def _open(self, form: RuleForm, focus: str = "") -> None:
-        if not self.panel.is_open:
-            self._opened_from = self.parts if self.parts.has_focus else self.graph
+    def _open(self, form: Form, focus: str = "") -> None:
+        self._opened_from = self.parts if self.parts.has_focus else self.graph
         self.add_class("-form")
-        self.panel.open(form, focus)
+        self.panel.open(form, focus, self._form_closed)
 
-    def close_form(self) -> None:
-        """Return to the list or the graph where the form was opened."""
-        self.panel.close_form()
+    def _form_closed(self, form: Form | None) -> None:
+        """Return to the list or the graph, and to what the form has created; None: it was left."""
         self.remove_class("-form")
         self._opened_from.focus()
+        if form is None:
+            return
+        if isinstance(form, NameForm):
+            self.spot = GraphSpot(form.value("name"))
+        if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
+            new = transition_of(form.values)
+            same = [number for number, transition in enumerate(state.transitions) if transition.form == new]
+            self.spot = GraphSpot(state.id, same[-1] if same else -1)
+        self.redraw()
+        self._select_part()
+        if isinstance(form, CallRuleForm) and form.was is None:
+            self.parts.select(id_of_call(form.at))
 
     def _add(self, rule: WrittenRule, state: WrittenState, *, behind: bool) -> None:
         """Add a function at the cursor of the list; in the graph, a transition of the state."""
@@ -173,21 +172,21 @@ class RuleEditor(RuleDisplay):
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
             self._add_transition(rule, state)
             return
-        edit = add_statement(part, CallForm("startCommunicationRobotAct", ""), behind=behind)
+        call = CallForm("startCommunicationRobotAct", "")
+        edit = add_statement(part, call, behind=behind)
         if edit is None:
             self._refuse(part.reason or "nothing can be added here")
             return
-        self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
+        self._open(CallRuleForm(call_values(call), self._study.names, edit.at))
 
     def _add_transition(self, rule: WrittenRule, state: WrittenState) -> None:
-        draft, count = likely_transition(state), len(state.transitions)
-        self._open(TransitionRuleForm(self._study.names, rule, state.id, draft, count=count), "trigger")
+        self._open(TransitionRuleForm(likely_transition(state), self._study.names, rule, state), "trigger")
 
     def _new_state(self) -> None:
         rule = self.rule
         if rule is not None:
             behind = self.spot.state if self.spot is not None else ""
-            self._open(NameForm(rule, "new state", "", behind))
+            self._open(NameForm({}, rule.name, behind, is_new=True))
 
     def _function_here(self, state: WrittenState, key: str) -> tuple[StatementAddress, CallForm] | None:
         """The function at the cursor of the list; None: the reason was shown. :param key: what the key does with it."""
@@ -205,7 +204,7 @@ class RuleEditor(RuleDisplay):
         """Make the function at the cursor depend on a condition."""
         if (found := self._function_here(state, "o puts a function into a condition")) is not None:
             at, call = found
-            self._open(ConditionRuleForm(self._study.names, at, "wrap", call=call))
+            self._open(ConditionRuleForm({}, self._study.names, at, "wrap", call=call))
 
     def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         part, parts = self.parts.part, state_parts(rule.name, state)
@@ -217,8 +216,8 @@ class RuleEditor(RuleDisplay):
         if edit is None:
             self._refuse("there is no condition here; o puts a function into one")
             return
-        form = ConditionRuleForm(self._study.names, edit.at, "otherwise", can_be_else=without is not None)
-        self._open(form)
+        can_be_else = without is not None
+        self._open(ConditionRuleForm({}, self._study.names, edit.at, "otherwise", can_be_else=can_be_else))
 
     def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor one of several; chance picks one of them."""
@@ -267,59 +266,6 @@ class RuleEditor(RuleDisplay):
         elif part.at is not None:
             moved = (*part.at.path[:-1], part.at.path[-1] + step)
             self.parts.select(part._replace(at=structs.replace(part.at, path=moved)).id)
-
-    # --- changes ---
-
-    @on(FormPanel.FormChanged)
-    def _form_changed(self, event: FormPanel.FormChanged) -> None:
-        event.stop()
-        if not event.form.missing():
-            self._study.preview(event.form.edits, self.panel.say_finding)
-
-    @on(FormPanel.FormLeft)
-    def _form_left(self, event: FormPanel.FormLeft) -> None:
-        event.stop()
-        self.close_form()
-
-    @on(FormPanel.Finished)
-    def _form_finished(self, event: FormPanel.Finished) -> None:
-        event.stop()
-        form, edits = event.form, event.form.edits()
-        if edits:
-            self._study.make(*edits, then=lambda: self._form_done(form))
-        else:
-            self._form_done(form)
-
-    def _form_done(self, form: RuleForm) -> None:
-        """Move the cursor to what a finished form has created."""
-        if isinstance(form, NameForm):
-            self.spot = GraphSpot(form.name.strip())
-        if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
-            same = [
-                number for number, transition in enumerate(state.transitions) if transition.form == form.draft.form()
-            ]
-            self.spot = GraphSpot(form.state, same[-1] if same else -1)
-        self.close_form()
-        self.redraw()
-        self._select_part()
-        if isinstance(form, CallRuleForm) and form.was is None:
-            self.parts.select(id_of_call(form.at))
-
-    @on(FormPanel.ExtraAsked)
-    def _give_key(self, event: FormPanel.ExtraAsked) -> None:
-        """Ask for a key for the event that the form waits for. The form's own values are saved first."""
-        event.stop()
-        form = event.form
-        if not isinstance(form, TransitionRuleForm) or not form.event_without_key or form.missing():
-            return
-
-        def go_on() -> None:
-            self._open(EventKeyForm(self._study.names, form.event_without_key))
-
-        if edits := form.edits():
-            self._study.make(*edits, then=go_on)
-        else:
-            go_on()
 
     def _change(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         if edits:

@@ -56,6 +56,7 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
         fields.append(
             EditField("type", "action", "choice", action_type(action), note=spec.help if spec else "",
                       choices=act_choices(checked), reason=reason or ("" if spec else "this robot cannot do it"),
+                      can_be_cleared=False,
                       edits=lambda text: (SetActionType(act.name, action.id, text),) if text else ())
         )  # fmt: skip
         if not reason and spec is None:
@@ -76,7 +77,7 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
     )
     fields.append(
         EditField("failure", "on failure", "choice", GOES_ON if action.continues else FAILS, choices=outcomes,
-                  shown="the others go on" if action.continues else "the act ends", reason=reason,
+                  shown="the others go on" if action.continues else "the act ends", reason=reason, can_be_cleared=False,
                   edits=lambda text: (SetActionFailure(act.name, action.id, text == GOES_ON),))
     )  # fmt: skip
     if not reason:

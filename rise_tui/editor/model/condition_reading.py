@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
 from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
-from rise_tui.editor.model.fields import FieldNote
+from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldNote, Form
 from rise_tui.editor.model.study_names import StudyNames, short_value
 
 MOST_CUTS = 60
@@ -43,14 +43,19 @@ def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
     return [*notes, FieldNote("info", _truth_text(expression, names.memory))]
 
 
-def suggest_ending(text: str, names: StudyNames) -> str:
+def condition_field(
+    form: Form, names: StudyNames, id: str, label: str, empty: str = NOT_GIVEN, *, note: str = ""
+) -> EditField:
+    """The field of a condition in a form."""
+    remarks = condition_notes(form.value(id), names)
+    field = form.text(id, label, empty, note=note, choices=names.key_choices(), remarks=remarks)
+    return field._replace(is_expression=True)
+
+
+def suggest_ending(text: str, keys: Sequence[str]) -> str:
     """The rest of the unfinished word at the end of a text; empty if it is not certain.
 
-    >>> from rise_tui.editor.model.study_names import StudyNames
-    >>> from rise_engine.author.edit.outline import Outline
-    >>> memory = {"step": 0, "understood": False}
-    >>> some = StudyNames(Outline(), memory, frozenset(), frozenset(), {}, (), frozenset(), {})
-    >>> suggest_ending("step < 4 and not und", some)
+    >>> suggest_ending("step < 4 and not und", ["step", "understood"])
     'erstood'
     """
     begun = _LAST_WORD.search(text)
@@ -58,7 +63,7 @@ def suggest_ending(text: str, names: StudyNames) -> str:
         return ""
     word = begun.group()
     functions = (f"{signature.name}(" for signature in SIGNATURES)
-    for known in (*names.memory, *sorted(names.set_keys), *WORDS, *functions):
+    for known in (*keys, *WORDS, *functions):
         if known.startswith(word) and known != word:
             return known[len(word) :]
     return ""

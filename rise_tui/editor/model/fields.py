@@ -1,13 +1,14 @@
 """A form as plain data: fields with their values, their choices, and the edits that change them. Pure.
 
-A list of fields changes a study field by field (`EditField.edits`). A `RuleForm` is filled in as a whole.
+The fields of a page change a study one by one (`EditField.edits`). A `Form` is filled in as a whole.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, Self, TypeAlias
 
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.scenario.diagnostics import Diagnostic
@@ -73,59 +74,92 @@ class EditField(NamedTuple):
     new: str = ""
     """What a value becomes that is not among the choices; empty: it must be one of them."""
     required: bool = False
+    can_be_cleared: bool = True
+    """Whether the list of choices offers to remove the value."""
     reason: str = ""
     """Why the field cannot be changed here."""
     edits: MakeEdits = no_edits
     """The edits that set this text; None: remove it. May raise EditRefused for a text that makes no sense."""
     empty: str = NOT_GIVEN
     """The text for a field without a value."""
+    remarks: Sequence[FieldNote] = ()
+    """Remarks about the value, the most important first."""
+    is_expression: bool = False
+    """Whether its choices are names for an expression, and not whole values."""
 
 
-def text_field(id: str, label: str, value: str, empty: str = NOT_GIVEN, *, note: str = "", new: str = "") -> EditField:
-    """A text field of a `RuleForm`."""
-    return EditField(id, label, "text", value or None, empty=empty, note=note, new=new)
-
-
-class RuleForm:
+@dataclass(frozen=True)
+class Form:
     """A form that is filled in as a whole. It is immutable: typing makes a new one. Subclasses are dataclasses."""
 
-    title: str
+    values: Mapping[str, str]
+    """The values by the ids of the fields. Those of fields that are not shown now stay until the form closes."""
 
     @property
     @abstractmethod
-    def fields(self) -> tuple[EditField, ...]:
-        """The fields in order."""
+    def title(self) -> str:
+        """What the form changes."""
 
+    @property
     @abstractmethod
-    def with_value(self, field: str, value: str) -> RuleForm:
-        """The form with another value."""
+    def fields(self) -> Sequence[EditField]:
+        """The fields for these values, in order."""
 
     @abstractmethod
     def edits(self) -> tuple[AnyEdit, ...]:
-        """The edits that carry the form out; none if nothing was changed."""
+        """The edits that carry the form out; none if nothing was changed. The check of the study finds their mistakes.
 
-    def notes(self, field: str) -> list[FieldNote]:
-        """Remarks about a field, the most important first. The check of the previewed edits finds the mistakes."""
-        return []
+        :raises EditRefused: a value is missing without which nothing can be written.
+        """
 
-    def choices(self, field: str) -> list[FieldChoice]:
-        """The choices of a field."""
-        return []
+    def following(self) -> Form | None:
+        """The form that F5 opens once this one has been carried out."""
+        return None
 
-    def ending(self, field: str, text: str) -> str:
-        """A certain ending for what is typed; empty: there is none."""
-        return complete_name(text, self.choices(field))
+    def value(self, field: str) -> str:
+        """A value without blanks around it; empty: not given."""
+        return self.values.get(field, "").strip()
 
-    def missing(self) -> str:
-        """Why the form cannot be carried out yet, not even as a draft; empty: it can."""
-        return ""
+    def with_value(self, field: str, value: str) -> Self:
+        """The form with another value."""
+        return replace(self, values={**self.values, field: value})
+
+    def text(
+        self,
+        id: str,
+        label: str,
+        empty: str = NOT_GIVEN,
+        *,
+        note: str = "",
+        new: str = "",
+        choices: Sequence[FieldChoice] = (),
+        remarks: Sequence[FieldNote] = (),
+    ) -> EditField:
+        """A field that is typed. F2 lists its choices."""
+        value = self.values.get(id) or None
+        return EditField(
+            id, label, "text", value, note=note, choices=choices, new=new, empty=empty, remarks=remarks
+        )  # fmt: skip
+
+    def options(self, id: str, label: str, words: Mapping[str, str], kind: FieldKind = "option") -> EditField:
+        """A field that shows all its choices, in words."""
+        choices = [FieldChoice(value, title) for value, title in words.items()]
+        return EditField(id, label, kind, self.values.get(id, ""), choices=choices)
 
 
-def complete_name(text: str, choices: Sequence[FieldChoice]) -> str:
-    """The rest of the first name that begins with what is typed."""
+def complete_name(text: str, names: Sequence[str]) -> str:
+    """The rest of the first name that begins with what is typed. The slash of an event may be left out."""
     begun = text.casefold()
-    found = next((each.value for each in choices if begun and each.value.casefold().startswith(begun)), "")
-    return found[len(text) :]
+    for name in names if text else ():
+        for shown in (name, name.removeprefix("/")):
+            if shown.casefold().startswith(begun):
+                return shown[len(text) :]
+    return ""
+
+
+def info(text: str) -> list[FieldNote]:
+    """A remark without a mark; none for an empty text."""
+    return [FieldNote("info", text)] if text else []
 
 
 def note_of(finding: Diagnostic | None) -> list[FieldNote]:

@@ -64,7 +64,7 @@ def test_what_cannot_be_worked_out_says_why_in_a_sentence() -> None:
     ],
 )
 def test_the_word_that_is_begun_is_completed(text: str, ending: str) -> None:
-    assert suggest_ending(text, NAMES) == ending
+    assert suggest_ending(text, [key.value for key in NAMES.key_choices()]) == ending
 
 
 @given(st.text(st.sampled_from("abstep<>=!()[]'\" 0123.andortuhpy,"), max_size=30))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from rise_engine.author.edit.edits import (
     AddBranch,
@@ -23,9 +27,24 @@ from rise_engine.author.edit.edits import (
     StatementAddress,
     TransitionForm,
 )
-from rise_tui.editor.model.call_form import CallDraft, CallRuleForm, ConditionRuleForm
-from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm
-from rise_tui.editor.model.transition_form import TransitionDraft, TransitionRuleForm, Trigger, why_not_editable
+from rise_engine.author.edit.plan import EditRefused
+from rise_tui.editor.model.condition_reading import suggest_ending
+from rise_tui.editor.model.fields import EditField, Form, complete_name
+from rise_tui.editor.model.state_forms import (
+    EventKeyForm,
+    NameForm,
+    TransitionRuleForm,
+    transition_of,
+    transition_values,
+    why_not_editable,
+)
+from rise_tui.editor.model.statement_forms import (
+    CallRuleForm,
+    ConditionRuleForm,
+    TemplateValueForm,
+    call_of,
+    call_values,
+)
 from tests.tui.editor.small_study import small_study
 
 NAMES = small_study()
@@ -45,40 +64,49 @@ FORMS = st.one_of(
 )  # fmt: skip
 
 
-def transition(
-    draft: TransitionDraft, was: TransitionForm | None = None, index: int | None = None
-) -> TransitionRuleForm:
-    """A form of the first state."""
-    return TransitionRuleForm(NAMES, COURSE, "Start", draft, index, was)
+def transition(values: Mapping[str, str], was: TransitionForm | None = None) -> TransitionRuleForm:
+    """A form of the first state: for its second transition, if `was` is written there, else for a new one."""
+    if was is None:
+        return TransitionRuleForm(values, NAMES, COURSE, START)
+    written = structs.replace(START.transitions[1], form=was)
+    state = structs.replace(START, transitions=(START.transitions[0], written))
+    return TransitionRuleForm(values, NAMES, COURSE, state, 1)
+
+
+def event(name: str, **more: str) -> dict[str, str]:
+    return {"trigger": "event", "event": name, **more}
+
+
+def field(form: Form, id: str) -> EditField:
+    return next(each for each in form.fields if each.id == id)
 
 
 @given(FORMS)
 def test_a_way_that_is_opened_and_left_as_it_was_is_written_as_it_was(form: TransitionForm) -> None:
-    draft = TransitionDraft.of(form)
-    assert draft.form() == form
-    assert transition(draft, form, 0).edits() == ()
+    values = transition_values(form)
+    assert transition_of(values) == form
+    assert transition(values, form).edits() == ()
 
 
 @given(FORMS, st.sampled_from(["event", "ended", "condition", "after"]))
-def test_another_trigger_and_back_loses_nothing(form: TransitionForm, trigger: Trigger) -> None:
-    draft = TransitionDraft.of(form)
-    there = draft._replace(trigger=trigger)
-    assert not why_not_editable(there.form())
-    assert there._replace(trigger=draft.trigger).form() == form
+def test_another_trigger_and_back_loses_nothing(form: TransitionForm, trigger: str) -> None:
+    values = transition_values(form)
+    there = transition(values).with_value("trigger", trigger)
+    assert not why_not_editable(transition_of(there.values))
+    assert transition_of(there.with_value("trigger", values["trigger"]).values) == form
 
 
 def test_a_changed_way_says_what_stood_there() -> None:
     was = START.transitions[1].form
-    draft = TransitionDraft.of(was)._replace(condition="step < 2")
-    (edit,) = transition(draft, was, 1).edits()
+    values = {**transition_values(was), "condition": "step < 2"}
+    (edit,) = transition(values, was).edits()
     assert edit == SetTransition(
         "Course", "Start", 1, was, TransitionForm(event="/skip", condition="step < 2", target="End")
     )
 
 
 def test_a_way_to_a_new_state_makes_the_state() -> None:
-    draft = TransitionDraft(event="later", target="Break")
-    edits = transition(draft).edits()
+    edits = transition(event("later", target="Break")).edits()
     assert edits == (
         AddState("Course", "Break", after="Start"),
         AddTransition("Course", "Start", TransitionForm(event="/later", target="Break")),
@@ -93,69 +121,72 @@ def test_what_a_form_has_no_place_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("draft", "field", "level", "says"),
+    ("values", "id", "level", "says"),
     [
-        (TransitionDraft(event="/skip"), "event", "warning", "nothing in this study raises it"),
-        (TransitionDraft(event="/nxt"), "event", "warning", "did you mean `next`?"),
-        (TransitionDraft(event="next"), "event", "info", "raised by key n"),
-        (TransitionDraft(event="/cheer"), "event", "info", "raised by rule Course"),
-        (TransitionDraft(event="/R_Bye_failed"), "event", "info", "raised automatically when R_Bye fails"),
-        (TransitionDraft(event="/Other_Two"), "event", "info", "when the rule Other ends in Two"),
-        (TransitionDraft("after", time="1s", held="happy"), "held", "info", "happy is false at the start: false"),
-        (TransitionDraft("condition", condition="step <"), "condition", "error", "something is missing"),
-        (TransitionDraft(event="/next"), "target", "warning", "it does nothing yet"),
-        (TransitionDraft(event="/next", target="Start"), "target", "info", "enters it again"),
-        (TransitionDraft(event="/next", target="Ende"), "target", "info", "a new state"),
-        (CallDraft("startInteractionRule", rule="Other", enter="no"), "enter", "info", "without doing"),
-        (CallDraft("raiseEventTopic", event="skip"), "event", "info", "a rule waits for it"),
-        (CallDraft("raiseEventTopic", event="skip", keep="5s"), "keep", "info", "kept for 5 s"),
-        (CallDraft("assignValue", key="step", value="step + 1"), "value", "info", "step becomes 1"),
-        (CallDraft("assignValue", key="step", value="step"), "key", "info", "0 at the start"),
+        (event("/skip"), "event", "warning", "nothing in this study raises it"),
+        (event("/nxt"), "event", "warning", "did you mean `next`?"),
+        (event("next"), "event", "info", "raised by key n"),
+        (event("/cheer"), "event", "info", "raised by rule Course"),
+        (event("/R_Bye_failed"), "event", "info", "raised automatically when R_Bye fails"),
+        (event("/Other_Two"), "event", "info", "when the rule Other ends in Two"),
+        ({"trigger": "after", "time": "1s", "held": "happy"}, "held", "info", "happy is false at the start: false"),
+        ({"trigger": "condition", "condition": "step <"}, "condition", "error", "something is missing"),
+        (event("/next"), "target", "warning", "it does nothing yet"),
+        (event("/next", target="Start"), "target", "info", "enters it again"),
+        (event("/next", target="Ende"), "target", "info", "a new state"),
+        ({"function": "startInteractionRule", "rule": "Other", "enter": "no"}, "enter", "info", "without doing"),
+        ({"function": "raiseEventTopic", "event": "skip"}, "event", "info", "a rule waits for it"),
+        ({"function": "raiseEventTopic", "event": "skip", "keep": "5s"}, "keep", "info", "kept for 5 s"),
+        ({"function": "assignValue", "key": "step", "value": "step + 1"}, "value", "info", "step becomes 1"),
+        ({"function": "assignValue", "key": "step", "value": "step"}, "key", "info", "0 at the start"),
     ],
 )  # fmt: skip
-def test_remarks_about_a_field(draft: TransitionDraft | CallDraft, field: str, level: str, says: str) -> None:
-    form = transition(draft) if isinstance(draft, TransitionDraft) else CallRuleForm(NAMES, draft, ENTRY)
-    found = form.notes(field)
+def test_remarks_about_a_field(values: dict[str, str], id: str, level: str, says: str) -> None:
+    form = transition(values) if "trigger" in values else CallRuleForm(values, NAMES, ENTRY)
+    found = field(form, id).remarks
     assert any(note.level == level and says in note.text for note in found), found
 
 
 def test_the_form_of_a_way_asks_trigger_first() -> None:
-    form = TransitionRuleForm(NAMES, COURSE, "Start", TransitionDraft())
+    form = transition({"trigger": "event"})
     assert [field.id for field in form.fields] == ["trigger", "event", "condition", "target"]
     form = form.with_value("trigger", "after")
     assert [field.label for field in form.fields] == ["as soon as", "time", "while", "but only if", "go to"]
-    assert form.missing()
+    with pytest.raises(EditRefused, match="it waits for nothing yet"):
+        form.edits()
     assert form.with_value("time", "2s").edits() == (AddTransition("Course", "Start", TransitionForm(after="2s")),)
     ended = form.with_value("trigger", "ended").with_value("act", "R_Hello").with_value("outcomes", "failed stopped")
     assert ended.edits() == (
         AddTransition("Course", "Start", TransitionForm(ended="R_Hello", outcomes=("failed", "stopped"))),
     )
-    assert [choice.value for choice in ended.choices("act")] == ["R_Hello", "R_Bye"]
-    assert ended.choices("act")[0].help == "started by this rule"
+    acts = field(ended, "act").choices
+    assert [choice.value for choice in acts] == ["R_Hello", "R_Bye"]
+    assert acts[0].help == "started by this rule"
 
 
 def test_names_are_completed_and_offered() -> None:
-    form = TransitionRuleForm(NAMES, COURSE, "Start", TransitionDraft())
-    assert form.ending("event", "/sk") == "ip"
-    assert form.ending("target", "wa") == "it"
-    assert form.ending("condition", "step < 4 and hap") == "py"
-    events = {choice.value: choice.help for choice in form.choices("event")}
+    form = transition({"trigger": "event"})
+    names = {each.id: [choice.value for choice in each.choices] for each in form.fields}
+    assert complete_name("/sk", names["event"]) == complete_name("sk", names["event"]) == "ip"
+    assert complete_name("wa", names["target"]) == "it"
+    assert field(form, "condition").is_expression
+    assert suggest_ending("step < 4 and hap", names["condition"]) == "py"
+    events = {choice.value: choice.help for choice in field(form, "event").choices}
     assert events["/skip"] == "nothing in this study raises it"
     assert events["/R_Hello_end"] == "raised automatically when R_Hello ends"
     assert events["/cue"] == "the participant's cue"
-    assert {choice.value for choice in form.choices("condition")} >= {"step", "happy", "mood", "words"}
+    assert {*names["condition"]} >= {"step", "happy", "mood", "words"}
 
 
 def test_an_event_that_nobody_raises_gets_a_key() -> None:
-    form = TransitionRuleForm(NAMES, COURSE, "Start", TransitionDraft(event="/skip"))
-    assert form.event_without_key == "skip"
-    assert not form.with_value("event", "/next").event_without_key
-    key = EventKeyForm(NAMES, "skip")
-    assert key.missing() == "which key?"
-    assert key.with_value("key", "n").missing() == "the key n does something else already"
-    assert "console" in key.with_value("key", "?").missing()
+    form = transition(event("/skip"))
+    key = form.following()
+    assert isinstance(key, EventKeyForm) and key.event == "skip"
+    assert form.with_value("event", "/next").following() is None
+    for typed, why in (("", "which key?"), ("n", "the key n does something else already"), ("?", "console")):
+        with pytest.raises(EditRefused, match=re.escape(why)):
+            key.with_value("key", typed).edits()
     done = key.with_value("key", "k").with_value("label", "skip it")
-    assert not done.missing()
     assert done.edits() == (SetSetting(("keys", "k"), {"event": "/skip", "label": "skip it"}),)
 
 
@@ -172,15 +203,16 @@ CALLS = st.one_of(
 
 @given(CALLS)
 def test_a_function_that_is_opened_is_written_as_it_was(call: CallForm) -> None:
-    draft = CallDraft.of(call)
-    assert draft.form() == call
-    assert CallRuleForm(NAMES, draft, ENTRY, call).edits() == ()
+    values = call_values(call)
+    assert call_of(values) == call
+    assert CallRuleForm(values, NAMES, ENTRY, call).edits() == ()
 
 
 def test_a_function_is_put_into_a_condition() -> None:
     call = CallForm("startCommunicationRobotAct", "R_Hello")
-    form = ConditionRuleForm(NAMES, ENTRY, "wrap", call=call)
-    assert form.missing()
+    form = ConditionRuleForm({}, NAMES, ENTRY, "wrap", call=call)
+    with pytest.raises(EditRefused, match="say what must be true"):
+        form.edits()
     assert form.with_value("condition", "happy").edits() == (
         RemoveStatement(ENTRY),
         AddStatement(ENTRY, IfForm((BranchForm("happy", (call,)),))),
@@ -188,27 +220,29 @@ def test_a_function_is_put_into_a_condition() -> None:
 
 
 def test_an_arm_is_added_and_a_condition_changed() -> None:
-    form = ConditionRuleForm(NAMES, ENTRY, "otherwise")
+    form = ConditionRuleForm({}, NAMES, ENTRY, "otherwise", can_be_else=True)
     assert form.edits() == (AddBranch(ENTRY, None),)
     assert form.with_value("condition", "happy").edits() == (AddBranch(ENTRY, "happy"),)
-    changed = ConditionRuleForm(NAMES, ENTRY, "change", "step < 4", "step < 4")
+    changed = ConditionRuleForm({"condition": "step < 4"}, NAMES, ENTRY, "change", "step < 4")
     assert changed.edits() == ()
     assert changed.with_value("condition", "step < 5").edits() == (SetBranchCondition(ENTRY, "step < 5"),)
 
 
 def test_names_of_states() -> None:
-    form = NameForm(COURSE, "rename state", "Start", "Start")
+    form = NameForm({"name": "Start"}, "Course", "Start")
     assert form.edits() == ()
-    assert form.with_value("name", " ").missing() == "it needs a name"
+    with pytest.raises(EditRefused, match="it needs a name"):
+        form.with_value("name", " ").edits()
     assert form.with_value("name", "Begin").edits() == (Rename("state", "Course/Start", "Begin"),)
-    assert NameForm(COURSE, "new state", "New", "Start").edits() == (AddState("Course", "New", after="Start"),)
+    new = NameForm({"name": "New"}, "Course", "Start", is_new=True)
+    assert new.edits() == (AddState("Course", "New", after="Start"),)
 
 
 def test_what_is_given_to_a_template() -> None:
     (use,) = NAMES.outline.uses
-    form = TemplateValueForm(use, "then", "End")
+    form = TemplateValueForm({"value": "End"}, use, "then")
     assert form.edits() == ()
     assert form.with_value("value", "Start").edits() == (
         SetUseParameter("rules/course.xml", use.line, "Wait", "then", "Start"),
     )
-    assert TemplateValueForm(use, "pause", "").edits() == ()
+    assert TemplateValueForm({"value": ""}, use, "pause").edits() == ()
