@@ -9,12 +9,14 @@ from textual import on
 from textual.app import ComposeResult
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant, SetWaits
+from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
+from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.form import FormPage
-from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters, wait_choices
+from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters
 from rise_tui.editor.model.act_rows import act_seconds, action_rows, action_type, file_lines, scale_line, what_text
 from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.fields import EditField
 from rise_tui.editor.model.study_rows import keys_by_name, used_lines, wrong_files
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
@@ -157,7 +159,7 @@ class ActPage(FormPage):
         if act is not None and act.reason:
             calls = dict.fromkeys(calls, lambda: self.frame.say(f"{act.name}: {act.reason}", "wait"))
         calls |= {"edit.open": lambda: self.set_form_focus(on_form=True)}
-        if on_form and (why := self._why_fixed()):
+        if on_form and (why := self._why_fixed(self.form.current)):
             calls |= dict.fromkeys(self.form_calls, lambda: self.frame.say(why, "wait"))
         elif on_form:
             calls |= self.form_calls
@@ -169,10 +171,10 @@ class ActPage(FormPage):
             return True
         return False
 
-    def _why_fixed(self) -> str:
-        """Why the field under the cursor cannot be changed here, and where it can be; empty: it can."""
-        act, action, field = self.act, self.action, self.form.current
-        if act is None or action is None or field is None:
+    def _why_fixed(self, field: EditField | None) -> str:
+        """Why a field cannot be changed here, and where it can be; empty: it can."""
+        action = self.action
+        if action is None or field is None:
             return ""
         why = field.reason or (action.reason if field.kind == "fixed" else "")
         return f"{field.label} cannot be changed here: {why}; e opens the file at this line" if why else ""
@@ -217,20 +219,16 @@ class ActPage(FormPage):
             self.frame.make(RemoveAction(self.shown_name, self.action.id))
 
     def _ask_for_waits(self) -> None:
-        act, action = self.act, self.action
-        if act is None or action is None:
-            return
-        title = f"{action.id} {action_type(action)} begins when these have ended"
-        self.frame.choose_many(
-            title, wait_choices(act, action), action.wait_for,
-            lambda ids: self.frame.make(SetWaits(act.name, action.id, ids)),
-        )  # fmt: skip
+        field = self.form.field("waits")
+        if why := self._why_fixed(field):
+            raise EditRefused(why)
+        if field is not None:
+            self.form.list_choices(field)
 
     def _add_wording(self) -> None:
         action = self.action
         if action is None or not action.calls or "message" not in action.calls[0].parameters:
-            self.frame.say("only texts have wordings", "wait")
-            return
+            raise EditRefused("only texts have wordings")
 
         def take(text: str) -> None:
             others = {name: value.text for name, value in action.calls[0].parameters.items() if name != "message"}

@@ -25,7 +25,7 @@ from rise_tui.editor.model.data_fields import (
     setting_fields,
 )
 from rise_tui.editor.model.draft import FilePlace, is_study_alone
-from rise_tui.editor.model.fields import EditField
+from rise_tui.editor.model.fields import TYPED, EditField
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, crop
 from rise_tui.widgets.static_lines import StaticLines
@@ -111,9 +111,8 @@ class MemoryPage(DataPage):
     def _ask_to_add(self) -> None:
         def take(key: str) -> None:
             if key in self.draft.checked.draft.memory:
-                self.frame.say(f"there is a key {key} already", "wait")
                 self.go_to(key)
-                return
+                raise EditRefused(f"there is a key {key} already")
             self.frame.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
 
         self.frame.ask_text("A new key", "", take, hint="Its name for conditions and texts: score, side.")
@@ -170,20 +169,14 @@ class KeysPage(DataPage):
     def _ask_to_add(self) -> None:
         def take(key: str) -> None:
             def chosen(value: str) -> None:
-                try:
-                    edits = new_key_edits(key, value)
-                except EditRefused as refused:
-                    self.frame.say(str(refused), "wait")
-                else:
-                    self.frame.make(*edits, then=lambda: self.go_to(key))
+                self.frame.make(*new_key_edits(key, value), then=lambda: self.go_to(key))
 
             taken = next((each for each in key_fields(self.draft) if each.id == key), None)
             if taken is not None:
-                self.frame.say(f"the key {key} is taken: {taken.text}; enter changes what it does", "wait")
                 self.go_to(key)
-            else:
-                title = f"What does {key} do? A name, or: set score = 1"
-                self.frame.choose(title, key_choices(self.draft), chosen, new="as it is typed")
+                raise EditRefused(f"the key {key} is taken: {taken.text}; enter changes what it does")
+            title = f"What does {key} do? A name, or: set score = 1"
+            self.frame.choose(title, key_choices(self.draft), chosen, new=TYPED)
 
         self.frame.ask_text("A new key", "", take, hint="A letter, a digit or a sign: p, 7, .")
 
@@ -234,18 +227,13 @@ class SettingsPage(DataPage):
             else:
                 self._add(addition, "")
 
-        if found:
-            self.frame.choose("What is added?", [each.choice for each in found.values()], take)
-        else:
-            self.frame.say("there are no acts yet", "wait")
+        if not found:
+            raise EditRefused("there are no acts yet")
+        self.frame.choose("What is added?", [each.choice for each in found.values()], take)
 
     def _add(self, addition: Addition, typed: str) -> None:
-        try:
-            edit, id = addition.make(typed)
-        except EditRefused as refused:
-            self.frame.say(str(refused), "wait")
-        else:
-            self.frame.make(edit, then=lambda: self.go_to(id))
+        edit, id = addition.make(typed)
+        self.frame.make(edit, then=lambda: self.go_to(id))
 
     @property
     def place(self) -> FilePlace | None:

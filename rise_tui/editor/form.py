@@ -55,7 +55,7 @@ class Changes(Protocol):
     """What a form does with its edits."""
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step. `then` is called once they are made."""
+        """Make edits as one step. `then` is called once they are made, or if there are none."""
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """`say` what would be newly wrong with the study."""
@@ -96,7 +96,11 @@ class FieldList(Vertical):
     @property
     def current(self) -> EditField | None:
         """The field under the cursor."""
-        return self._fields.get(self.rows.current_id)
+        return self.field(self.rows.current_id)
+
+    def field(self, id: str) -> EditField | None:
+        """One of the fields; None: it is not shown now."""
+        return self._fields.get(id)
 
     @property
     def text(self) -> str:
@@ -223,7 +227,8 @@ class FieldList(Vertical):
                 begun = self.input.value if field.is_expression else ""
                 self._put(f"{begun}{'' if not begun or begun[-1] in ' ([' else ' '}{picked.value}")
 
-        self.app.push_screen(PickList(field.label, choices, now=text, new=field.new, ticked=ticks), take)
+        question = field.question or field.label
+        self.app.push_screen(PickList(question, choices, now=text, new=field.new, ticked=ticks), take)
 
     def _ending(self, text: str) -> str:
         """A likely ending for what is typed."""

@@ -140,11 +140,8 @@ class FormPanel(FieldList):
             edits = form.edits()
         except EditRefused as refused:
             self.say(FieldNote("error", str(refused)))
-            return
-        if edits:
-            self._changes.make(*edits, then=then)
         else:
-            then()
+            self._changes.make(*edits, then=then)
 
     def _choose_option(self, field: EditField, key: str) -> None:
         """Move among the options, which are a ring. In a field of ticks, space ticks or unticks one."""

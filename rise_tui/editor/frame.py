@@ -166,9 +166,17 @@ class StudyFrame(Screen[None]):
     def say(self, sentence: str, level: Level = "info") -> None:
         self.notice.draw(clean(sentence), level)
 
+    def attempt(self, work: Callable[[], object]) -> None:
+        try:
+            work()
+        except EditRefused as refused:
+            self.say(str(refused), "wait")
+
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         if edits:
             self._work(self._make(edits, then))
+        elif then is not None:
+            self.attempt(then)
 
     async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
         change = await self.study.apply(*edits)

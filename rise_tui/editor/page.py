@@ -41,10 +41,13 @@ class EditFrame(Protocol):
     def say(self, sentence: str, level: Level = "info") -> None:
         """Tell the author something, above the key hints."""
 
-    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step, and draw everything again. `then` is called once they are made.
+    def attempt(self, work: Callable[[], object]) -> None:
+        """Do something that may raise EditRefused. A notice then says why. Actions and answers are done in this way."""
 
-        A notice reports what cannot be made. Without edits it does nothing.
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step, and draw everything again. `then` is called once they are made, or if there are none.
+
+        A notice reports what cannot be made.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
@@ -60,11 +63,6 @@ class EditFrame(Protocol):
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
         """Let the author choose one; typing filters. `new`: what a name becomes that is not among the choices."""
-
-    def choose_many(
-        self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
-    ) -> None:
-        """Let the author choose any number."""
 
     def draw_bars(self) -> None:
         """Draw the lines around the page again, after its content or its keys have changed."""

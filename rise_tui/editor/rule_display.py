@@ -32,7 +32,6 @@ from rise_tui.editor.model.rule_graph import (
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
 from rise_tui.editor.model.study_names import StudyNames, study_names
 from rise_tui.editor.page import TURNS, EditFrame, EditPage
-from rise_tui.model.notice import Level
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -78,9 +77,6 @@ class RuleStudy:
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         self._frame.make(*edits, then=then)
-
-    def say(self, sentence: str, level: Level = "info") -> None:
-        self._frame.say(sentence, level)
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         self._page.preview(edits, say)

@@ -8,7 +8,6 @@ from msgspec import structs
 
 from rise_engine.author.edit.edits import (
     AddStatement,
-    AnyEdit,
     CallForm,
     OneOfForm,
     RemoveState,
@@ -17,6 +16,7 @@ from rise_engine.author.edit.edits import (
     StatementAddress,
 )
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
+from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.model.fields import Form
 from rise_tui.editor.model.rule_graph import GraphSpot
 from rise_tui.editor.model.state_forms import (
@@ -31,7 +31,6 @@ from rise_tui.editor.model.state_parts import (
     PartRow,
     add_branch,
     add_statement,
-    call_at,
     id_of_call,
     movement,
     removal,
@@ -118,14 +117,13 @@ class RuleEditor(RuleDisplay):
 
     def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
         names = self._study.names
-        if part.kind == "heading" and part.at is None and not part.reason:
+        _check_changeable(part)
+        if part.kind == "heading" and part.at is None:
             self._add_transition(rule, state)
-        elif part.reason:
-            self._refuse(f"{part.reason}; e opens the file there")
         elif part.kind == "transition":
             self._open_transition(rule, state, part.transition)
-        elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
-            self._open(CallRuleForm(call_values(call), names, part.at, call))
+        elif part.call is not None and part.at is not None:
+            self._open(CallRuleForm(call_values(part.call), names, part.at, part.call))
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
             at = _arm(part)
             self._open(ConditionRuleForm({"condition": part.guard}, names, at, "change", part.guard))
@@ -139,8 +137,7 @@ class RuleEditor(RuleDisplay):
     def _open_transition(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
         transition = state.transitions[number]
         if reason := transition.reason or why_not_editable(transition.form):
-            self._refuse(f"{reason}; e opens the file there")
-            return
+            raise EditRefused(f"{reason}; e opens the file there")
         values = transition_values(transition.form)
         self._open(TransitionRuleForm(values, self._study.names, rule, state, number))
 
@@ -175,8 +172,7 @@ class RuleEditor(RuleDisplay):
         call = CallForm("startCommunicationRobotAct", "")
         edit = add_statement(part, call, behind=behind)
         if edit is None:
-            self._refuse(part.reason or "nothing can be added here")
-            return
+            raise EditRefused(part.reason or "nothing can be added here")
         self._open(CallRuleForm(call_values(call), self._study.names, edit.at))
 
     def _add_transition(self, rule: WrittenRule, state: WrittenState) -> None:
@@ -188,47 +184,42 @@ class RuleEditor(RuleDisplay):
             behind = self.spot.state if self.spot is not None else ""
             self._open(NameForm({}, rule.name, behind, is_new=True))
 
-    def _function_here(self, state: WrittenState, key: str) -> tuple[StatementAddress, CallForm] | None:
-        """The function at the cursor of the list; None: the reason was shown. :param key: what the key does with it."""
+    def _function_here(self, key: str) -> tuple[StatementAddress, CallForm]:
+        """The function at the cursor of the list.
+
+        :param key: what the key does with it. :raises EditRefused: the cursor is not on one that can be changed.
+        """
         part = self.parts.part
-        call = call_at(state, part) if part is not None else None
-        if not self.parts.has_focus or part is None or part.at is None or call is None:
-            self._refuse(f"{key}: go to one in the list below the graph (tab)")
-        elif part.reason:
-            self._refuse(f"{part.reason}; e opens the file there")
-        else:
-            return part.at, call
-        return None
+        if not self.parts.has_focus or part is None or part.at is None or part.call is None:
+            raise EditRefused(f"{key}: go to one in the list below the graph (tab)")
+        _check_changeable(part)
+        return part.at, part.call
 
     def _only_if(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor depend on a condition."""
-        if (found := self._function_here(state, "o puts a function into a condition")) is not None:
-            at, call = found
-            self._open(ConditionRuleForm({}, self._study.names, at, "wrap", call=call))
+        at, call = self._function_here("o puts a function into a condition")
+        self._open(ConditionRuleForm({}, self._study.names, at, "wrap", call=call))
 
     def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         part, parts = self.parts.part, state_parts(rule.name, state)
         if not self.parts.has_focus or part is None:
-            self._refuse("l adds what happens otherwise: go to a condition in the list below the graph (tab)")
-            return
+            raise EditRefused("l adds what happens otherwise: go to a condition in the list below the graph (tab)")
         without, with_condition = add_branch(part, parts, None), add_branch(part, parts, "x")
         edit = without or with_condition
         if edit is None:
-            self._refuse("there is no condition here; o puts a function into one")
-            return
+            raise EditRefused("there is no condition here; o puts a function into one")
         can_be_else = without is not None
         self._open(ConditionRuleForm({}, self._study.names, edit.at, "otherwise", can_be_else=can_be_else))
 
     def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor one of several; chance picks one of them."""
-        if (found := self._function_here(state, "b makes a function one of several")) is not None:
-            at, call = found
-            first = structs.replace(at, path=(*at.path, 0))
-            edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
-            self._change(*edits, then=lambda: self.parts.select(id_of_call(first)))
+        at, call = self._function_here("b makes a function one of several")
+        first = structs.replace(at, path=(*at.path, 0))
+        edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
+        self._study.make(*edits, then=lambda: self.parts.select(id_of_call(first)))
 
     def _make_first(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
-        self._change(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
+        self._study.make(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
 
     def _part_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> PartRow | None:
         """The row at the cursor of the list; in the graph, the row of the transition under the cursor."""
@@ -239,24 +230,22 @@ class RuleEditor(RuleDisplay):
 
     def _remove(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         if self.graph.has_focus and spot.transition < 0:
-            self._change(RemoveState(rule.name, state.id))
+            self._study.make(RemoveState(rule.name, state.id))
             return
         part = self._part_here(rule, state, spot)
+        if part is not None:
+            _check_changeable(part)
         edit = removal(part, state, rule.name) if part is not None else None
-        if part is not None and part.reason:
-            self._refuse(f"{part.reason}; e opens the file there")
-        elif edit is None:
-            self._refuse("there is nothing to remove here")
-        else:
-            self._change(edit)
+        if edit is None:
+            raise EditRefused("there is nothing to remove here")
+        self._study.make(edit)
 
     def _move(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot, step: int) -> None:
         part = self._part_here(rule, state, spot)
         edit = movement(part, state, rule.name, step) if part is not None else None
         if part is None or edit is None:
-            self._refuse((part.reason if part is not None else "") or "it cannot be moved further")
-            return
-        self._change(edit, then=lambda: self._go_with(part, step))
+            raise EditRefused((part.reason if part is not None else "") or "it cannot be moved further")
+        self._study.make(edit, then=lambda: self._go_with(part, step))
 
     def _go_with(self, part: PartRow, step: int) -> None:
         """Move the cursor with the moved row."""
@@ -267,12 +256,11 @@ class RuleEditor(RuleDisplay):
             moved = (*part.at.path[:-1], part.at.path[-1] + step)
             self.parts.select(part._replace(at=structs.replace(part.at, path=moved)).id)
 
-    def _change(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        if edits:
-            self._study.make(*edits, then=then)
 
-    def _refuse(self, sentence: str) -> None:
-        self._study.say(sentence, "wait")
+def _check_changeable(part: PartRow) -> None:
+    """:raises EditRefused: a row can only be changed in its file."""
+    if part.reason:
+        raise EditRefused(f"{part.reason}; e opens the file there")
 
 
 def _arm(part: PartRow) -> StatementAddress:

@@ -5,7 +5,7 @@ It covers a console or the screen of a study, or is alone in `rise-tui edit`. No
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from textual import events, on
@@ -134,25 +134,20 @@ class EditScreen(StudyFrame):
         self.draw()
 
     def ask_text(self, title: str, text: str, take: Callable[[str], None], *, hint: str = "") -> None:
-        self.app.push_screen(AskText(title, text, hint), lambda typed: take(typed) if typed else None)
+        def taken(typed: str | None) -> None:
+            if typed:
+                self.attempt(lambda: take(typed))
+
+        self.app.push_screen(AskText(title, text, hint), taken)
 
     def choose(
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
         def taken(picked: Picked | None) -> None:
             if picked is not None:
-                take(picked.value)
+                self.attempt(lambda: take(picked.value))
 
         self.app.push_screen(PickList(title, choices, now=now, new=new), taken)
-
-    def choose_many(
-        self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
-    ) -> None:
-        def taken(picked: Picked | None) -> None:
-            if picked is not None:
-                take(picked.ticked)
-
-        self.app.push_screen(PickList(title, choices, ticked=now), taken)
 
     # --- drawing ----------------------------------------------------------------------------------------------------
 
@@ -203,7 +198,17 @@ class EditScreen(StudyFrame):
         """Carry out an action of the registry that works here; the page comes first."""
         if self.page.is_typing and action not in ("stop", "quit"):
             return
-        calls: dict[str, Callable[[], object]] = {
+        self.attempt(lambda: self._carry_out_action(action))
+
+    def _carry_out_action(self, action: str) -> None:
+        if action.startswith("edit.") and self.page.carry_out(action):
+            return
+        if (call := self._calls.get(action)) is not None:
+            call()
+
+    @property
+    def _calls(self) -> Mapping[str, Callable[[], object]]:
+        return {
             "edit.undo": lambda: self._work(self._step(self.study.undo(), "taken back", "there is nothing to undo")),
             "edit.redo": lambda: self._work(self._step(self.study.redo(), "made again", "nothing was taken back")),
             "edit.save": lambda: self._work(self._ask_to_save()),
@@ -219,10 +224,6 @@ class EditScreen(StudyFrame):
             "stop": self.stop_pressed,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
         }
-        if action.startswith("edit.") and self.page.carry_out(action):
-            return
-        if (call := calls.get(action)) is not None:
-            call()
 
     def _redraw(self) -> None:
         if isinstance(self.app, TerminalApp):

@@ -11,6 +11,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
+from rise_engine.author.edit.plan import EditRefused
 from rise_engine.scenario.loader import LoadResult
 from rise_tui.editor.model.act_rows import action_with
 from rise_tui.editor.model.draft import FilePlace, is_study_alone
@@ -130,8 +131,8 @@ class StudyPage(EditPage):
 
     def _open(self, kind: str, name: str) -> None:
         if kind == "file":
-            self.frame.say(f"{name} cannot be read as it is: e opens it in your editor", "wait")
-        elif kind:
+            raise EditRefused(f"{name} cannot be read as it is: e opens it in your editor")
+        if kind:
             self.frame.open_page(kind, self._found_in(kind, name))
             self._select(kind, name)
 

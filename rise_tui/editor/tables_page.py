@@ -196,16 +196,15 @@ class TablesPage(SentencePage):
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
-        current, refuse = self.grid.current, lambda: self.frame.say(self._why_not, "wait")
         calls: dict[str, Callable[[], object]] = {
-            "edit.open": self.open_current if self.row is not None else refuse,
-            "edit.remove": self.remove_row if self.row is not None else refuse,
-            "edit.behind": self.add_column if current is not None else refuse,
-            "edit.add": self.add if current is not None else refuse,
+            "edit.open": self.open_current,
+            "edit.remove": self.remove_row,
+            "edit.behind": self.add_column,
+            "edit.add": self.add,
         }
         if not self.is_of_study:
             calls["edit.new-state"] = self.add_table
-            calls["edit.add"] = calls["edit.add"] if self.grid.grid.rows else self.add_table
+            calls["edit.add"] = self.add if self.grid.grid.rows else self.add_table
         return calls
 
     @property
@@ -215,10 +214,9 @@ class TablesPage(SentencePage):
     def open_current(self) -> None:
         """Change the cell under the cursor."""
         if self.row is None:
-            return
+            raise EditRefused(self._why_not)
         if problem := cell_problem(self.value):
-            self.frame.say(f"{problem}: e opens its file", "wait")
-            return
+            raise EditRefused(f"{problem}: e opens its file")
         self.open_field(self.row[1].columns[self.column], self.value)
 
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
@@ -245,7 +243,7 @@ class TablesPage(SentencePage):
         """Add a row after the one under the cursor, with the same values."""
         current = self.grid.current
         if current is None or current.table not in self.grid.grid.tables:
-            return
+            raise EditRefused(self._why_not)
         name, after = current.table, max(current.number, -1)
         table = self.grid.grid.tables[name].cells
         if name == PARTICIPANTS_FILE:
@@ -272,8 +270,7 @@ class TablesPage(SentencePage):
         """Add a column after the one under the cursor."""
         current = self.grid.current
         if current is None or current.table not in self.grid.grid.tables:
-            self.frame.say("there is no table under the cursor", "wait")
-            return
+            raise EditRefused(self._why_not)
         name, width = current.table, len(self.grid.grid.tables[current.table].cells.columns)
         at = min(self.grid.column, width - 1) + 1
         participants = self.draft.values_in(STUDY_FILE).get("participants", {})
@@ -289,11 +286,7 @@ class TablesPage(SentencePage):
 
         def ask_columns(name: str) -> None:
             def make(columns: str) -> None:
-                try:
-                    edit = new_table(table_names(self.draft.files), name, columns)
-                except EditRefused as refused:
-                    self.frame.say(str(refused), "wait")
-                    return
+                edit = new_table(table_names(self.draft.files), name, columns)
                 self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
 
             self.frame.ask_text(
@@ -306,5 +299,6 @@ class TablesPage(SentencePage):
 
     def remove_row(self) -> None:
         """Remove the row under the cursor."""
-        if self.row is not None:
-            self.frame.make(RemoveRow(self.row[0].table, self.row[0].number))
+        if self.row is None:
+            raise EditRefused(self._why_not)
+        self.frame.make(RemoveRow(self.row[0].table, self.row[0].number))

@@ -11,7 +11,6 @@ from textual.app import ComposeResult
 
 from rise_engine.author.edit.edits import AddLanguage, AnyEdit, SetSetting
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.base.text import clean
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.fields import FieldChoice, FieldNote
 from rise_tui.editor.model.text_rows import (
@@ -185,8 +184,7 @@ class TextsPage(SentencePage):
 
     def _turn_to(self, column: int) -> None:
         if column == 1 and not self.view.language:
-            self.frame.say("the study has one language: a adds another", "wait")
-            return
+            raise EditRefused("the study has one language: a adds another")
         self.column = column
         self._look_at(self.view)
 
@@ -204,23 +202,13 @@ class TextsPage(SentencePage):
 
     def _still_right(self) -> None:
         if self.entry is not None:
-            self._make(lambda entry: still_right_edits(entry, self.view.language), self.entry)
+            self.frame.make(*still_right_edits(self.entry, self.view.language))
 
     def _remove(self) -> None:
         """Remove the translation."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
-            self.frame.say("del removes only translations here; remove a text on its act's page (j)",
-                           "wait")  # fmt: skip
-            return
-        self._make(lambda entry: translation_edits(entry, self.view.language, ""), self.entry)
-
-    def _make(self, edits: Callable[[TextEntry], tuple[AnyEdit, ...]], entry: TextEntry) -> None:
-        try:
-            made = edits(entry)
-        except EditRefused as refused:
-            self.frame.say(clean(str(refused)), "wait")
-            return
-        self.frame.make(*made)
+            raise EditRefused("del removes only translations here; remove a text on its act's page (j)")
+        self.frame.make(*translation_edits(self.entry, self.view.language, ""))
 
     def _go_to_act(self) -> None:
         if (entry := self.entry) is not None:
@@ -238,12 +226,8 @@ class TextsPage(SentencePage):
         entry = self.entry
         if entry is None:
             return
-        if self.column == 0:
-            try:  # refuse before somebody types
-                original_edits(self.draft, entry, f"{entry.text.text} …")
-            except EditRefused as refused:
-                self.frame.say(clean(str(refused)), "wait")
-                return
+        if self.column == 0:  # refuse before somebody types
+            original_edits(self.draft, entry, f"{entry.text.text} …")
         self._typing = entry
         name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL
         self.open_field(name, entry.text.text if self.column == 0 else entry.said)

@@ -38,7 +38,7 @@ def _instead(substitute: str | None) -> str:
     return f": it does {substitute} instead" if substitute else ""
 
 
-def wait_choices(act: WrittenAct, action: WrittenAction) -> list[FieldChoice]:
+def _wait_choices(act: WrittenAct, action: WrittenAction) -> list[FieldChoice]:
     """What an action can wait for: all others."""
     return [
         FieldChoice(each.id, f"{each.id} {action_type(each)}", what_text(each))
@@ -64,10 +64,11 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
     for number, call in enumerate(action.calls):
         known = checked.robot.actions.get(call.type)
         fields += _call_fields(act, action, call, number, known)
-    waits = wait_choices(act, action)
+    waits = _wait_choices(act, action)
     titles = {each.value: each.title for each in waits}
     fields.append(
         EditField("waits", "waits for", "many", ",".join(action.wait_for), choices=waits, reason=reason,
+                  question=f"{action.id} {action_type(action)} begins when these have ended",
                   shown=" · ".join(titles.get(id, f"{id}?") for id in action.wait_for) or "nothing: at once",
                   edits=lambda text: (SetWaits(act.name, action.id, tuple(filter(None, (text or "").split(",")))),))
     )  # fmt: skip

@@ -71,6 +71,8 @@ class EditField(NamedTuple):
     note: str = ""
     """Beside the value: unit, range, default."""
     choices: Sequence[FieldChoice] = ()
+    question: str = ""
+    """The title of the list of choices; empty: the label."""
     new: str = ""
     """What a value becomes that is not among the choices; empty: it must be one of them."""
     required: bool = False

@@ -64,6 +64,8 @@ class PartRow(NamedTuple):
     """Whether it is a function in a branch of an `if`."""
     line: int = 0
     """Its line in the file; 0: none of its own."""
+    call: CallForm | None = None
+    """The function in the row."""
 
     @property
     def id(self) -> str:
@@ -166,37 +168,6 @@ def movement(row: PartRow, state: WrittenState, rule: str, step: int) -> AnyEdit
     return None
 
 
-def statement_at(state: WrittenState, address: StatementAddress) -> WrittenStatement | None:
-    """The statement at an address; None for a branch and for a missing statement."""
-    block = block_of(state, address)
-    path = list(address.path)
-    while path:
-        number = path.pop(0)
-        if not 0 <= number < len(block):
-            return None
-        statement = block[number]
-        if not path:
-            return statement
-        if statement.branches:
-            arm = path.pop(0)
-            if not path or not 0 <= arm < len(statement.branches):
-                return None
-            block = statement.branches[arm].statements
-        else:
-            block = statement.choices
-    return None
-
-
-def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenStatement, ...]:
-    """The outermost statements of an address's place."""
-    if address.place == "onEntry":
-        return state.on_entry
-    if address.place == "onExit":
-        return state.on_exit
-    transitions = state.transitions
-    return transitions[address.transition].statements if 0 <= address.transition < len(transitions) else ()
-
-
 def _parameters(use: WrittenUse) -> Iterator[PartRow]:
     """The arguments of a template, in which its states differ."""
     yield PartRow(
@@ -258,7 +229,7 @@ def _statements(
         why = reason or statement.reason
         row = PartRow("other", "", depth, at, transition, len(statements), why, in_arm=in_arm, line=statement.line)
         if statement.call is not None:
-            yield row._replace(kind="call", text=call_words(statement.call))
+            yield row._replace(kind="call", text=call_words(statement.call), call=statement.call)
         elif statement.branches:
             yield from _branches(statement, row)
         elif statement.template:
@@ -328,11 +299,3 @@ def _behind(at: StatementAddress) -> StatementAddress:
 
 def _with_path(at: StatementAddress, path: tuple[int, ...]) -> StatementAddress:
     return StatementAddress(at.rule, at.state, at.place, at.transition, path)
-
-
-def call_at(state: WrittenState, row: PartRow) -> CallForm | None:
-    """The function in a row."""
-    if row.kind != "call" or row.at is None:
-        return None
-    statement = statement_at(state, row.at)
-    return statement.call if statement is not None else None

@@ -15,7 +15,6 @@ from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.actions import bindings_in
 from rise_tui.editor.model.study_names import StudyNames
 from rise_tui.editor.rule_editor import RuleEditor
-from rise_tui.model.notice import Level
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
 from tests.tui.editor.small_study import FILES, outline_of, small_study
@@ -39,15 +38,13 @@ class StudyInMemory:
         return small_study(self.files)
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        if self.refusal:
-            self.say(self.refusal)
+        if edits and self.refusal:
+            self.said.append(self.refusal)
             return
-        self.edits.append(edits)
+        if edits:
+            self.edits.append(edits)
         if then is not None:
             then()
-
-    def say(self, sentence: str, level: Level = "info") -> None:
-        self.said.append(sentence)
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """Nothing is ever wrong in memory."""

@@ -25,11 +25,9 @@ from rise_tui.editor.model.state_parts import (
     PartRow,
     add_branch,
     add_statement,
-    call_at,
     movement,
     removal,
     state_parts,
-    statement_at,
     use_of,
 )
 from rise_tui.rendering.text import plain_text
@@ -143,11 +141,7 @@ def test_the_list_of_a_state() -> None:
 def test_each_row_finds_its_statement() -> None:
     for row in PARTS:
         if row.kind == "call":
-            call = call_at(START, row)
-            assert call is not None and call.argument.strip("/") in row.text
-    assert statement_at(START, at("onEntry", 1)) is START.on_entry[1]
-    assert statement_at(START, at("onEntry", 9)) is None
-    assert statement_at(START, at("onEntry", 1, 0)) is None
+            assert row.call is not None and row.call.argument.strip("/") in row.text
 
 
 def test_where_something_new_stands() -> None:
