@@ -212,7 +212,7 @@ class FieldList(Vertical):
         """Open the list of a field's choices. The chosen name goes into an open field."""
         text, choices, ticks = (field.text or "").strip(), list(field.choices), None
         if field.kind == "many":
-            text, ticks = "", tuple(filter(None, text.split(",")))
+            text, ticks = "", field.chosen
         elif field.kind == "choice" and field.can_be_cleared and not field.required and field.text is not None:
             choices.append(FieldChoice("", "– not given", field.note))
 

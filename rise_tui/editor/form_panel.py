@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.form import TAKES, Changes, FieldList
-from rise_tui.editor.model.fields import EditField, FieldNote, Form, info, ticked
+from rise_tui.editor.model.fields import EditField, FieldNote, Form, info
 from rise_tui.rendering.text import crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -68,8 +68,8 @@ class FormPanel(FieldList):
     def notes_on(self, field: EditField) -> Sequence[FieldNote]:
         if self._notes:
             return self._notes
-        is_text, has_error = field.kind == "text", any(each.level == "error" for each in field.remarks)
-        notes = [*([] if has_error else self._found), *field.remarks, *info(field.note if is_text else "")]
+        is_text = field.kind == "text"
+        notes = [*self._found, *field.remarks, *info(field.note if is_text else "")]
         return notes or info("F2 lists the names" if is_text and field.choices else "")
 
     def _say_found(self, *notes: FieldNote) -> None:
@@ -146,8 +146,8 @@ class FormPanel(FieldList):
     def _choose_option(self, field: EditField, key: str) -> None:
         """Move among the options, which are a ring. In a field of ticks, space ticks or unticks one."""
         if field.kind == "ticks" and key == "space":
-            chosen = {*ticked(field)} ^ {field.choices[self._option].value}
-            self._change(field.id, " ".join(each.value for each in field.choices if each.value in chosen))
+            chosen = {*field.chosen} ^ {field.choices[self._option].value}
+            self._change(field.id, ",".join(each.value for each in field.choices if each.value in chosen))
             return
         self._option = (self._option + (-1 if key == "left" else 1)) % len(field.choices)
         if field.kind == "option":

@@ -9,7 +9,7 @@ from rise_engine.expression import Environment, EvaluationError, Expression, Exp
 from rise_engine.expression.errors import MISSING_PART
 from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
-from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldNote, Form
+from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldNote, Form, info
 from rise_tui.editor.model.study_names import StudyNames, short_value
 
 MOST_CUTS = 60
@@ -21,26 +21,21 @@ WORDS = ("and", "or", "not", "true", "false", "contains", "starts with", "ends w
 
 
 def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
-    """How a condition is read, with the start values. The most important note is first; an empty condition has none.
+    """How a condition is read, with the start values; of an unreadable one, its longest readable beginning.
 
-    An unreadable condition gets the reason, the remedy, and the reading of its longest readable beginning.
+    What makes it unreadable, the check of the study says.
     """
     text = text.strip()
-    if not text:
-        return []
     try:
         expression = Expression.parse(text)
-    except ExpressionError as error:
-        problem = FieldNote("error", f"{error.message}; {error.hint}" if error.hint else error.message)
+    except ExpressionError:
         beginning = _readable_beginning(text)
         if beginning is None:
-            return [problem]
-        read = f"so far read as {beginning.with_all_brackets}; {_truth_text(beginning, names.memory)}"
-        return [problem, FieldNote("info", read)]
-    notes, explicit = list[FieldNote](), expression.with_all_brackets
-    if _without_blanks(explicit) != _without_blanks(text):
-        notes.append(FieldNote("info", f"read as {explicit}"))
-    return [*notes, FieldNote("info", _truth_text(expression, names.memory))]
+            return []
+        return info(f"so far read as {beginning.with_all_brackets}; {_truth_text(beginning, names.memory)}")
+    explicit = expression.with_all_brackets
+    differs = _without_blanks(explicit) != _without_blanks(text)
+    return [*info(f"read as {explicit}" if differs else ""), *info(_truth_text(expression, names.memory))]
 
 
 def condition_field(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -75,8 +76,12 @@ def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[s
 
     :param checked: the study with the change. :param but: codes of diagnostics to ignore.
     """
-    known = {(each.code, each.message) for each in draft.checked.diagnostics}
-    new = [each for each in checked.diagnostics if (each.code, each.message) not in known and each.code not in but]
+    known = Counter((each.code, each.message) for each in draft.checked.diagnostics)
+    new = []
+    for each in checked.diagnostics:
+        known[each.code, each.message] -= 1
+        if known[each.code, each.message] < 0 and each.code not in but:
+            new.append(each)
     return next((each for each in new if each.severity == "error"), new[0] if new else None)
 
 

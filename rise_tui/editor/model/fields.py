@@ -65,7 +65,7 @@ class EditField(NamedTuple):
     label: str
     kind: FieldKind = "fixed"
     text: str | None = None
-    """The value, unescaped; None: not given. `many` joins the chosen values with commas, `ticks` with blanks."""
+    """The value, unescaped; None: not given. `many` and `ticks` join the chosen values with commas."""
     shown: str = ""
     """Replaces `text` where this is easier to read."""
     note: str = ""
@@ -88,6 +88,11 @@ class EditField(NamedTuple):
     """Remarks about the value, the most important first."""
     is_expression: bool = False
     """Whether its choices are names for an expression, and not whole values."""
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """The chosen values."""
+        return tuple(filter(None, (self.text or "").split(",")))
 
 
 @dataclass(frozen=True)
@@ -234,14 +239,9 @@ def field_line(field: EditField, columns: FormColumns) -> StyledLine:
     return tuple(pieces)
 
 
-def ticked(field: EditField) -> list[str]:
-    """The chosen options."""
-    return (field.text or "").split() if field.kind == "ticks" else [field.text or ""]
-
-
 def _option_lines(field: EditField, columns: FormColumns, width: int, at: int) -> list[StyledLine]:
     """All options in columns, as many side by side as fit."""
-    on, signs = ticked(field), ("[ ]", "[x]") if field.kind == "ticks" else ("( )", "(•)")
+    on, signs = field.chosen, ("[ ]", "[x]") if field.kind == "ticks" else ("( )", "(•)")
     cells = max(len(each.title) for each in field.choices) + 6
     beside = max(1, min(len(field.choices), (width - columns.value) // cells))
     lines: list[StyledLine] = []

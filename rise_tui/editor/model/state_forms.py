@@ -121,7 +121,7 @@ def transition_values(form: TransitionForm) -> dict[str, str]:
         "trigger": next(trigger for trigger, value in given.items() if value is not None),
         "event": form.event or "",
         "act": form.ended or "",
-        "outcomes": " ".join(form.outcomes),
+        "outcomes": ",".join(form.outcomes),
         "time": form.after or "",
         "held": form.held or "",
         "condition": form.condition or "",
@@ -136,7 +136,7 @@ def transition_of(values: Mapping[str, str]) -> TransitionForm:
     return TransitionForm(
         event=(f"/{topic}" if topic else "") if "event" in given else None,
         ended=given.get("act"),
-        outcomes=tuple(given.get("outcomes", "").split()),
+        outcomes=tuple(filter(None, given.get("outcomes", "").split(","))),
         after=given.get("time"),
         held=given.get("held") or None,
         condition=given["condition"] or None,
@@ -217,10 +217,7 @@ class TransitionRuleForm(Form):
 
     def _event_remarks(self) -> list[FieldNote]:
         topic = normal_topic(self.value("event"))
-        if not topic or self.names.event_note(topic):
-            return info(self.names.event_note(topic))
-        near = did_you_mean(topic, self.names.raised, limit=0)
-        return [FieldNote("warning", f"nothing in this study raises it{near or '; a key could (F5)'}")]
+        return info(self.names.event_note(topic) or ("F5 gives it a key" if topic else ""))
 
     def _target_remarks(self) -> list[FieldNote]:
         target, known = self.value("target"), self.names.states_of(self.rule.name)

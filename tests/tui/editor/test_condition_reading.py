@@ -20,7 +20,6 @@ def notes(text: str) -> list[FieldNote]:
 
 def test_an_unfinished_condition_is_read_as_far_as_it_goes() -> None:
     assert notes("step < 4 and not ") == [
-        ("error", "something is missing after `not`"),
         ("info", "so far read as step < 4; step is 0 at the start: true"),
     ]
 
@@ -39,7 +38,6 @@ def test_brackets_are_shown_where_they_say_more_than_the_text() -> None:
         ("true", ("info", "always true")),
         ("rand(6) > 3", ("info", "chance decides each time")),
         ("session.speaking", ("info", "`session.speaking` is known when a session runs")),
-        ("step =< 4", ("error", "`=<` is no operator; write `<=`")),
         ("words[0].word = 'a'", ("info", "words[0].word is “a” at the start: true")),
     ],
 )
@@ -69,10 +67,10 @@ def test_the_word_that_is_begun_is_completed(text: str, ending: str) -> None:
 
 @given(st.text(st.sampled_from("abstep<>=!()[]'\" 0123.andortuhpy,"), max_size=30))
 def test_a_reading_agrees_with_the_parser(text: str) -> None:
-    levels = [note.level for note in notes(text)]
+    found = notes(text)
     try:
         expression = Expression.parse(text.strip())
     except ExpressionError:
-        assert levels[:1] == (["error"] if text.strip() else [])
+        assert all(note.text.startswith("so far read as") for note in found)
     else:
-        assert set(levels) == {"info"} and Expression.parse(expression.with_all_brackets)
+        assert found and Expression.parse(expression.with_all_brackets)

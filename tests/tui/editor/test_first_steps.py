@@ -74,6 +74,15 @@ async def test_a_form_says_what_the_check_would_find_and_what_is_missing(study: 
         await it.until(lambda: "✗" in panel.text and "is not a time" in panel.text)
         await it.type("s")
         await it.until(lambda: "✗" not in panel.text)
+        await it.press("tab")
+        await it.type("person_near and ")
+        await it.until(lambda: "✗ something is missing after `and`" in panel.text and "so far read as" in panel.text)
+        await it.type("person_near")
+        await it.until(lambda: "✗" not in panel.text)
+        await it.press("shift+tab", "shift+tab", "left", "left", "tab")
+        await it.type("nxt")
+        await it.until(lambda: "▲ nothing in this scenario raises the event `nxt`" in panel.text)
+        assert "F5 gives it a key" in panel.text
         assert "Start" in it.draft_text and "after=" not in it.draft_text.partition("Riddle")[2]
 
 
