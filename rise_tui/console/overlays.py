@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -16,9 +16,9 @@ from rise_tui.console.confirmations import ConsoleHost
 from rise_tui.console.layout import Layout
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
-from rise_tui.screens.help import HelpScreen, help_entries, study_help_entries
+from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.jump import LETTERS, JumpScreen, TitleLabels, label_line
-from rise_tui.screens.palette import Palette, PaletteCommand, palette_commands, study_commands, theme_commands
+from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
 from rise_tui.typed_ahead import is_editing
@@ -29,54 +29,13 @@ RUNS = "the running session keeps its own copy of the files; what you save appli
 
 def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
     """Open the help with every key and word, the focused pane's (`scope`) first."""
-    console.app.push_screen(HelpScreen(list(help_entries(console.store, scope))))
+    console.app.push_screen(HelpScreen(help_entries(console.store, scope)))
 
 
-def open_study_help(app: App[object]) -> None:
-    """Open the help with every key and word of a study's screen."""
-    app.push_screen(HelpScreen(list(study_help_entries())))
-
-
-def open_study_palette(app: App[object], run: Callable[[str], None] | None) -> None:
-    """Open the palette with a study screen's commands and the themes; without `run` only the themes."""
-
-    def use_theme(name: str) -> None:
-        app.theme = name
-
-    def run_chosen(command: PaletteCommand | None) -> None:
-        if command is not None:
-            command.run()
-
-    commands = [*(study_commands(run) if run is not None else ()), *theme_commands(use_theme)]
-    app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
-
-
-def open_palette(console: ConsoleHost, scope: KeyScope | None) -> None:
+def open_commands(console: ConsoleHost, scope: KeyScope | None) -> None:
     """Open the palette with all commands, the focused pane's actions first."""
-    commands = [*palette_commands(console.store, scope, console.action_do, console.start), *_theme_commands(console)]
-    _open_palette(console, commands, "command, act, rule, event or theme")
-
-
-def open_theme_palette(console: ConsoleHost) -> None:
-    """Open the palette with the themes only."""
-    _open_palette(console, _theme_commands(console), "theme")
-
-
-def _theme_commands(console: ConsoleHost) -> list[PaletteCommand]:
-    def use_theme(name: str) -> None:
-        console.app.theme = name
-
-    return list(theme_commands(use_theme))
-
-
-def _open_palette(console: ConsoleHost, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-    def run_chosen(command: PaletteCommand | None) -> None:
-        if command is not None and command.blocked_text:
-            console.show_notice(f"{command.title}: not now, {command.blocked_text}")
-        elif command is not None:
-            command.run()
-
-    console.app.push_screen(Palette(commands, placeholder), run_chosen)
+    commands = palette_commands(console.store, scope, console.action_do, console.start)
+    open_palette(console.app, commands, "command, act, rule, event or theme", refuse=console.show_notice)
 
 
 def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:

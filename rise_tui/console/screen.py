@@ -38,6 +38,7 @@ from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.rendering.typing_fields import takes_text
+from rise_tui.screens.palette import open_palette
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.typed_ahead import is_editing
 from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
@@ -281,7 +282,7 @@ class ConsoleScreen(Screen[None]):
         return {
             "stop": self.stop_all,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
-            "palette": lambda: overlays.open_palette(self, self._focused_scope),
+            "palette": lambda: overlays.open_commands(self, self._focused_scope),
             "help": lambda: overlays.open_help(self, self._focused_scope),
             "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
             "tour": self.open_tour,
@@ -293,7 +294,7 @@ class ConsoleScreen(Screen[None]):
             "filter": self._open_filter,
             "settings": lambda: self.post_message(self.OpenSettings()),
             "take-over": lambda: self._run_beside(self.session.take_over_files()),
-            "theme": lambda: overlays.open_theme_palette(self),
+            "theme": lambda: open_palette(self.app, (), "theme"),
             "edit-study": self._edit_study,
             "release": self.confirmations.ask_to_release,
             "cancel-open": lambda: self.send("cancelOpenGoals"),

@@ -48,7 +48,9 @@ from rise_tui.model.study_rows import (
 from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.checks import ChecksScreen
+from rise_tui.screens.help import HelpScreen, study_help_entries
 from rise_tui.screens.outcome import Outcome
+from rise_tui.screens.palette import open_palette, study_commands
 from rise_tui.screens.report import ReportOf, ReportScreen
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -218,9 +220,9 @@ class StudyScreen(Screen[None]):
             "study.wizard": lambda: self._ask_name(lambda: None),
             "study.reload": self._reload,
             "filter": self.lists.open_find,
-            "help": lambda: overlays.open_study_help(self.app),
-            "palette": lambda: overlays.open_study_palette(self.app, self.action_do),
-            "theme": lambda: overlays.open_study_palette(self.app, None),
+            "help": lambda: self.app.push_screen(HelpScreen(study_help_entries())),
+            "palette": lambda: open_palette(self.app, study_commands(self.action_do)),
+            "theme": lambda: open_palette(self.app, (), "theme"),
             "redraw": self._redraw,
             "edit-study": self._edit,
         }

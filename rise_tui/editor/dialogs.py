@@ -1,4 +1,4 @@
-"""The editor's dialogs: help, palette, a draft, two versions of a file, saving, what is wrong."""
+"""The editor's dialogs: a draft, two versions of a file, saving, what is wrong."""
 
 from __future__ import annotations
 
@@ -23,31 +23,10 @@ from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, TextRole, clean, crop, shorten, wrap
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog, DialogChoice
-from rise_tui.screens.help import HelpScreen, edit_help_entries
-from rise_tui.screens.palette import Palette, PaletteCommand, edit_commands, theme_commands
 from rise_tui.widgets.row_list import RowList, RowView
 
 _SHOWN = 8
 """The largest number of changes that a dialog lists."""
-
-
-def open_help(app: App[object]) -> None:
-    """Open the help with every key and word of the editor."""
-    app.push_screen(HelpScreen(list(edit_help_entries())))
-
-
-def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
-    """Open the palette with the editor's commands and the themes; without `run` only the themes."""
-
-    def use_theme(name: str) -> None:
-        app.theme = name
-
-    def run_chosen(command: PaletteCommand | None) -> None:
-        if command is not None:
-            command.run()
-
-    commands = [*(edit_commands(run) if run is not None else ()), *theme_commands(use_theme)]
-    app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
 
 
 def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], None]) -> None:
@@ -186,7 +165,7 @@ def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None
             else:
                 _go_to(frame, find_explored(draft, finding), finding.text)
         elif picked.is_tab:
-            _show_remedies(frame, app, findings[number])
+            _show_remedies(frame, findings[number])
         else:
             where = findings[number].location
             _go_to(frame, find_at(draft, where.file, where.line), str(findings[number]))
@@ -227,16 +206,11 @@ def _show_steps(frame: EditFrame, app: App[object], finding: ExploredPlace, now:
     app.push_screen(steps, lambda _: choose_finding(frame, app, now=now))
 
 
-def _show_remedies(frame: EditFrame, app: App[object], finding: Diagnostic) -> None:
+def _show_remedies(frame: EditFrame, finding: Diagnostic) -> None:
     found = frame.study.remedies(finding)
     text = clean(finding.message)
     if not found:
         frame.say(f"only you can decide what is right here: {text}", "wait")
         return
-
-    def take(picked: Picked | None) -> None:
-        if picked is not None:
-            frame.make(found[int(picked.value)].edit)
-
     choices = [FieldChoice(str(number), clean(each.title)) for number, each in enumerate(found)]
-    app.push_screen(PickList(shorten(text, _TITLE_WIDTH), choices), take)
+    frame.choose(shorten(text, _TITLE_WIDTH), choices, lambda number: frame.make(found[int(number)].edit))

@@ -22,8 +22,6 @@ NEW = "\0new"
 WHOLE = 3
 """Lines for the full help of a choice."""
 IN_WORDS = 2
-MOVES = {"up": -1, "down": 1}
-PAGES = {"pageup": -1, "pagedown": 1}
 
 
 def _distance(choice: FieldChoice, typed: str) -> int:
@@ -144,16 +142,12 @@ class PickList(SearchDialog[Picked]):
         current = self.list.current_id
         if key == "enter" or (key == "tab" and self._tab.get(current)):
             self._dismiss_with(current, is_tab=key == "tab")
-        elif key in MOVES:
-            self.list.action_step(MOVES[key])
-        elif key in PAGES:
-            self.list.action_page(PAGES[key])
         elif key == "space" and self._ticked is not None:
             if current:
                 self._ticked ^= {current}
                 self._draw_rows()
         else:
-            return key == "tab"
+            return super().carry_out_key(key) or key == "tab"
         return True
 
     def _dismiss_with(self, current: str, *, is_tab: bool) -> None:

@@ -14,7 +14,6 @@ from textual.binding import BindingType
 from textual.containers import Horizontal
 
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
-from rise_tui.editor import dialogs
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editor.data_pages import KeysPage, MemoryPage, SettingsPage
@@ -32,6 +31,8 @@ from rise_tui.editor.tables_page import TablesPage
 from rise_tui.editor.texts_page import TextsPage
 from rise_tui.messages import RunAction
 from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.help import HelpScreen, edit_help_entries
+from rise_tui.screens.palette import edit_commands, open_palette
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowView
@@ -217,9 +218,9 @@ class EditScreen(StudyFrame):
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
             "filter": self._open_find,
-            "help": lambda: dialogs.open_help(self.app),
-            "palette": lambda: dialogs.open_palette(self.app, self.action_do),
-            "theme": lambda: dialogs.open_palette(self.app, None),
+            "help": lambda: self.app.push_screen(HelpScreen(edit_help_entries())),
+            "palette": lambda: open_palette(self.app, edit_commands(self.action_do)),
+            "theme": lambda: open_palette(self.app, (), "theme"),
             "redraw": self._redraw,
             "stop": self.stop_pressed,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -133,9 +133,9 @@ EDIT_CONCEPTS = (
 class HelpScreen(SearchDialog[None]):
     """The help over the console. Esc closes it."""
 
-    def __init__(self, entries: Sequence[HelpEntry]) -> None:
+    def __init__(self, entries: Iterable[HelpEntry]) -> None:
         super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
-        self._entries = entries
+        self._entries = list(entries)
 
     def draw(self) -> None:
         wanted = self.typed_filter()

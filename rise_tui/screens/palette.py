@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from textual.app import App
+
 from rise_engine.author.drawing.rule_text import ENDINGS
 from rise_engine.author.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
@@ -194,16 +196,9 @@ class Palette(SearchDialog[PaletteCommand]):
         self._preview()
 
     def carry_out_key(self, key: str) -> bool:
-        moves: dict[str, Callable[[], None]] = {
-            "up": lambda: self.list.action_step(-1),
-            "down": lambda: self.list.action_step(1),
-            "pageup": lambda: self.list.action_page(-1),
-            "pagedown": lambda: self.list.action_page(1),
-        }
         if key == "enter":
             self._choose()
-        elif key in moves:
-            moves[key]()
+        elif super().carry_out_key(key):
             self._preview()
         else:
             return False
@@ -229,6 +224,30 @@ class Palette(SearchDialog[PaletteCommand]):
     def on_unmount(self) -> None:
         if self._theme_before and self.app.theme != self._theme_before:
             self.app.theme = self._theme_before
+
+
+def open_palette(
+    app: App[object],
+    commands: Iterable[PaletteCommand],
+    placeholder: str = "command or theme",
+    *,
+    refuse: Callable[[str], None] = lambda why: None,
+) -> None:
+    """Open the palette with commands, and with the themes after them.
+
+    :param refuse: receives the reason if a command cannot be carried out now.
+    """
+
+    def use_theme(name: str) -> None:
+        app.theme = name
+
+    def carry_out(command: PaletteCommand | None) -> None:
+        if command is not None and command.blocked_text:
+            refuse(f"{command.title}: not now, {command.blocked_text}")
+        elif command is not None:
+            command.run()
+
+    app.push_screen(Palette([*commands, *theme_commands(use_theme)], placeholder), carry_out)
 
 
 def _hit_line(hit: PaletteHit, width: int) -> StyledLine:

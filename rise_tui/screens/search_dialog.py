@@ -84,6 +84,12 @@ class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultTyp
         event.stop()
         event.prevent_default()
 
-    @abstractmethod
     def carry_out_key(self, key: str) -> bool:
         """Carry out a key that is not text; False: it is text."""
+        if key in ("up", "down"):
+            self.list.action_step(-1 if key == "up" else 1)
+        elif key in ("pageup", "pagedown"):
+            self.list.action_page(-1 if key == "pageup" else 1)
+        else:
+            return False
+        return True

@@ -54,13 +54,11 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
     fields: list[EditField] = []
     if not action.is_variants and action.calls:
         fields.append(
-            EditField("type", "action", "choice", action_type(action), note=spec.help if spec else "",
-                      choices=act_choices(checked), reason=reason or ("" if spec else "this robot cannot do it"),
+            EditField("type", "action", "choice", action_type(action), choices=act_choices(checked), reason=reason,
+                      note=spec.help if spec else "this robot cannot do it: choose another",
                       can_be_cleared=False,
                       edits=lambda text: (SetActionType(act.name, action.id, text),) if text else ())
         )  # fmt: skip
-        if not reason and spec is None:
-            fields[-1] = fields[-1]._replace(reason="", note="this robot cannot do it: choose another")
     for number, call in enumerate(action.calls):
         known = checked.robot.actions.get(call.type)
         fields += _call_fields(act, action, call, number, known)
