@@ -29,8 +29,6 @@ from rise_tui.editor.model.state_forms import (
 )
 from rise_tui.editor.model.state_parts import (
     PartRow,
-    add_branch,
-    add_statement,
     id_of_call,
     movement,
     removal,
@@ -169,11 +167,11 @@ class RuleEditor(RuleDisplay):
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
             self._add_transition(rule, state)
             return
-        call = CallForm("startCommunicationRobotAct", "")
-        edit = add_statement(part, call, behind=behind)
-        if edit is None:
+        at = part.behind if behind else part.new
+        if at is None or part.reason:
             raise EditRefused(part.reason or "nothing can be added here")
-        self._open(CallRuleForm(call_values(call), self._study.names, edit.at))
+        values = call_values(CallForm("startCommunicationRobotAct", ""))
+        self._open(CallRuleForm(values, self._study.names, at))
 
     def _add_transition(self, rule: WrittenRule, state: WrittenState) -> None:
         self._open(TransitionRuleForm(likely_transition(state), self._study.names, rule, state), "trigger")
@@ -201,15 +199,13 @@ class RuleEditor(RuleDisplay):
         self._open(ConditionRuleForm({}, self._study.names, at, "wrap", call=call))
 
     def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
-        part, parts = self.parts.part, state_parts(rule.name, state)
+        part = self.parts.part
         if not self.parts.has_focus or part is None:
             raise EditRefused("l adds what happens otherwise: go to a condition in the list below the graph (tab)")
-        without, with_condition = add_branch(part, parts, None), add_branch(part, parts, "x")
-        edit = without or with_condition
-        if edit is None:
+        at, can_be_else = part.new_branch, part.can_be_else
+        if at is None:
             raise EditRefused("there is no condition here; o puts a function into one")
-        can_be_else = without is not None
-        self._open(ConditionRuleForm({}, self._study.names, edit.at, "otherwise", can_be_else=can_be_else))
+        self._open(ConditionRuleForm({}, self._study.names, at, "otherwise", can_be_else=can_be_else))
 
     def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor one of several; chance picks one of them."""

@@ -6,12 +6,10 @@ move or remove it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.author.edit.edits import (
-    AddBranch,
-    AddStatement,
     AnyEdit,
     CallForm,
     MoveStatement,
@@ -19,7 +17,6 @@ from rise_engine.author.edit.edits import (
     RemoveStatement,
     RemoveTransition,
     StatementAddress,
-    StatementForm,
     StatementPlace,
 )
 from rise_engine.author.edit.outline import (
@@ -60,8 +57,14 @@ class PartRow(NamedTuple):
     """A transition's guard, a branch's condition, or a parameter's note."""
     target: str | None = None
     """A transition's target, or a parameter's name."""
-    in_arm: bool = False
-    """Whether it is a function in a branch of an `if`."""
+    new: StatementAddress | None = None
+    """The address of a function that is added here: after a function, last in a block, first in a branch."""
+    behind: StatementAddress | None = None
+    """The address of a function that is added after the whole block of the row."""
+    new_branch: StatementAddress | None = None
+    """The address of another branch of the `if` that the row is, or is in: before its `else`."""
+    can_be_else: bool = False
+    """Whether that branch may be the `else`."""
     line: int = 0
     """Its line in the file; 0: none of its own."""
     call: CallForm | None = None
@@ -100,42 +103,6 @@ def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
         return None
     place = state.file, state.node.start
     return next((use for use in outline.uses if (use.file, use.node.start) == place), None)
-
-
-def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
-    """A new statement at the cursor: after a function, last in a block, first in an arm.
-
-    :param behind: put it after the whole block of the cursor instead.
-    :returns: None where no function is possible.
-    """
-    at = row.at
-    if at is None or row.reason or row.kind == "other":
-        return None
-    if row.kind in ("heading", "transition", "empty"):
-        if behind and row.kind == "empty":  # behind the `if`: without the arm's number and the one in it
-            at = _behind(_with_path(at, at.path[:-2]))
-        return AddStatement(at, statement)
-    if row.kind == "call":
-        if not behind or len(at.path) == 1:
-            return AddStatement(_behind(at), statement)
-        return AddStatement(_behind(_with_path(at, at.path[: -2 if row.in_arm else -1])), statement)
-    if behind:
-        return AddStatement(_behind(_with_path(at, at.path[:-1]) if row.kind == "branch" else at), statement)
-    inside = (*at.path, 0, 0) if row.kind == "if" else (*at.path, 0)
-    return AddStatement(_with_path(at, inside), statement)
-
-
-def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) -> AddBranch | None:
-    """Another branch of the `if` at the cursor: with a condition, before its `else`, or the `else` itself (None)."""
-    head = _head_of(row, parts)
-    if head is None or head.at is None:
-        return None
-    arms = [each for each in parts if each.kind == "branch" and each.at is not None and _is_arm(each.at, head.at)]
-    has_else = bool(arms) and arms[-1].text.startswith("otherwise") and not arms[-1].guard
-    if condition is None and has_else:
-        return None
-    number = 1 + len(arms) - (1 if has_else else 0)
-    return AddBranch(_with_path(head.at, (*head.at.path, number)), condition)
 
 
 def id_of_call(at: StatementAddress) -> str:
@@ -189,7 +156,8 @@ def _block(
     rule: str, state: WrittenState, place: StatementPlace, statements: tuple[WrittenStatement, ...], title: str
 ) -> Iterator[PartRow]:
     last = StatementAddress(rule, state.id, place, path=(len(statements),))
-    yield PartRow("heading", title if statements else f"{title}   –", at=last, reason=state.reason)
+    title = title if statements else f"{title}   –"
+    yield PartRow("heading", title, at=last, reason=state.reason, new=last, behind=last)
     yield from _statements(statements, StatementAddress(rule, state.id, place), 1, -1, state.reason)
 
 
@@ -202,6 +170,8 @@ def _transition(rule: str, state: WrittenState, number: int, transition: Written
         "transition",
         f"{number + 1} {trigger_words(form)}",
         at=place,
+        new=place,
+        behind=place,
         transition=number,
         siblings=len(state.transitions),
         reason=reason,
@@ -220,25 +190,29 @@ def _statements(
     depth: int,
     transition: int,
     reason: str,
-    *,
-    in_arm: bool = False,
+    around: PartRow | None = None,
 ) -> Iterator[PartRow]:
-    """The rows of a block."""
+    """The rows of a block. `around`: the row of the statement that has it."""
     for number, statement in enumerate(statements):
         at = _with_path(block, (*block.path, number))
         why = reason or statement.reason
-        row = PartRow("other", "", depth, at, transition, len(statements), why, in_arm=in_arm, line=statement.line)
+        row = PartRow("other", "", depth, at, transition, len(statements), why, line=statement.line)
+        if around is not None:
+            row = row._replace(new_branch=around.new_branch, can_be_else=around.can_be_else)
         if statement.call is not None:
-            yield row._replace(kind="call", text=call_words(statement.call), call=statement.call)
+            behind = around.behind if around is not None else _behind(at)
+            row = row._replace(kind="call", text=call_words(statement.call), call=statement.call)
+            yield row._replace(new=_behind(at), behind=behind)
         elif statement.branches:
             yield from _branches(statement, row)
         elif statement.template:
             yield row._replace(text=f"from the template {statement.template}")
             yield from _statements(statement.brings, at, depth + 1, transition, why)
         elif statement.choices or not statement.reason:
-            yield row._replace(kind="choice", text=ONE_OF)
+            row = row._replace(kind="choice", text=ONE_OF, new=_with_path(at, (*at.path, 0)), behind=_behind(at))
+            yield row
             if depth <= MOST_LEVELS:
-                yield from _statements(statement.choices, at, depth + 1, transition, why)
+                yield from _statements(statement.choices, at, depth + 1, transition, why, row)
             else:
                 yield _too_deep(row)
         else:
@@ -246,51 +220,32 @@ def _statements(
 
 
 def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
-    """The arms of an `if`, each with its contents."""
-    assert row.at is not None
+    """The branches of an `if`, each with its contents."""
+    whole, has_else = row.at, statement.branches[-1].condition is None
+    assert whole is not None
+    new_branch = _with_path(whole, (*whole.path, len(statement.branches) - has_else))
+    row = row._replace(behind=_behind(whole), new_branch=new_branch, can_be_else=not has_else)
     for number, branch in enumerate(statement.branches):
-        at = _with_path(row.at, (*row.at.path, number))
+        at = _with_path(whole, (*whole.path, number))
+        inside = _with_path(at, (*at.path, 0))
         reason = row.reason or branch.reason
         text = branch_words(branch, first=number == 0)
+        head = row._replace(text=text, guard=branch.condition or "", new=inside)
         if number == 0:
-            yield row._replace(kind="if", text=text, guard=branch.condition or "")
+            yield head._replace(kind="if")
         else:
-            yield row._replace(
-                kind="branch", text=text, at=at, guard=branch.condition or "", reason=reason, line=branch.line
-            )
+            yield head._replace(kind="branch", at=at, reason=reason, line=branch.line)
         if row.depth > MOST_LEVELS:
             yield _too_deep(row)
         elif branch.statements:
-            yield from _statements(branch.statements, at, row.depth + 1, row.transition, reason, in_arm=True)
+            yield from _statements(branch.statements, at, row.depth + 1, row.transition, reason, row)
         else:
-            empty = _with_path(at, (*at.path, 0))
-            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.transition, reason=reason)
+            yield head._replace(kind="empty", text="nothing yet", depth=row.depth + 1, at=inside, reason=reason,
+                                guard="", siblings=0, line=0)  # fmt: skip
 
 
 def _too_deep(row: PartRow) -> PartRow:
     return PartRow("other", "… more within: e opens the file", row.depth + 1, None, row.transition, line=row.line)
-
-
-def _head_of(row: PartRow, parts: Sequence[PartRow]) -> PartRow | None:
-    """The nearest `if` that is this row or contains it."""
-    if row.at is None or row.kind in ("heading", "transition"):
-        return None
-    heads = [
-        each
-        for each in parts
-        if each.kind == "if"
-        and each.at is not None
-        and each.transition == row.transition
-        and each.at.place == row.at.place
-        and row.at.path[: len(each.at.path)] == each.at.path
-    ]
-    return max(heads, key=lambda each: each.depth, default=None)
-
-
-def _is_arm(at: StatementAddress, of: StatementAddress) -> bool:
-    """Whether a branch's address is an arm of the `if` at `of`."""
-    same_block = (at.place, at.transition) == (of.place, of.transition)
-    return same_block and len(at.path) == len(of.path) + 1 and at.path[:-1] == of.path
 
 
 def _behind(at: StatementAddress) -> StatementAddress:

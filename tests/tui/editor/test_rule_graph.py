@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from rise_engine.author.edit.edits import (
-    AddBranch,
-    AddStatement,
     CallForm,
     MoveStatement,
     MoveTransition,
@@ -23,8 +21,6 @@ from rise_tui.editor.model.rule_graph import (
 )
 from rise_tui.editor.model.state_parts import (
     PartRow,
-    add_branch,
-    add_statement,
     movement,
     removal,
     state_parts,
@@ -145,10 +141,8 @@ def test_each_row_finds_its_statement() -> None:
 
 
 def test_where_something_new_stands() -> None:
-    def new(row: PartRow, *, behind: bool = False) -> StatementAddress:
-        edit = add_statement(row, NOD, behind=behind)
-        assert isinstance(edit, AddStatement)
-        return edit.at
+    def new(row: PartRow, *, behind: bool = False) -> StatementAddress | None:
+        return row.behind if behind else row.new
 
     assert new(part("WHEN IT IS ENTERED")) == at("onEntry", 3)
     assert new(part("set step")) == at("onEntry", 1)
@@ -167,14 +161,14 @@ def test_where_something_new_stands() -> None:
     assert new(part("2 as soon as")) == at("transition", 1, transition=1)
     assert new(part("stop the act")) == at("transition", 1, transition=1)
     assert new(part("WHEN IT IS LEFT")) == at("onExit", 0)
-    assert add_statement(part("TRANSITIONS"), NOD) is None
+    assert new(part("TRANSITIONS")) is None
 
 
 def test_an_arm_stands_before_the_last_otherwise() -> None:
-    assert add_branch(part("start the act R_Hello"), PARTS, "x") == AddBranch(at("onEntry", 1, 2), "x")
-    assert add_branch(part("if step"), PARTS, None) is None
-    assert add_branch(part("set step"), PARTS, "x") is None
-    assert add_branch(part("2 as soon as"), PARTS, "x") is None
+    for row in (part("if step"), part("start the act R_Hello"), part("otherwise, if"), part("nothing yet")):
+        assert row.new_branch == at("onEntry", 1, 2) and not row.can_be_else
+    assert part("set step").new_branch is None
+    assert part("2 as soon as").new_branch is None
 
 
 def test_what_is_taken_away_and_moved() -> None:
