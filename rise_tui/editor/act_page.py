@@ -199,7 +199,7 @@ class ActPage(FormPage):
             wait_for = (current.id,) if current is not None and current.id else ()
             before = {each.id for each in self.act.actions} if self.act is not None else set()
             edit = AddAction(self.shown_name, type, values, wait_for, after=current.id if current is not None else "")
-            self.frame.make(edit, then=lambda: self._go_to_new(before))
+            self.make(edit, then=lambda: self._go_to_new(before))
 
         where = f"It begins after {current.id}; w changes that." if current is not None else ""
         self.frame.choose(f"Which action?  {where}", act_choices(self.draft.checked), take)
@@ -216,7 +216,7 @@ class ActPage(FormPage):
 
     def _remove(self) -> None:
         if self.action is not None:
-            self.frame.make(RemoveAction(self.shown_name, self.action.id))
+            self.make(RemoveAction(self.shown_name, self.action.id))
 
     def _ask_for_waits(self) -> None:
         field = self.form.field("waits")
@@ -232,7 +232,7 @@ class ActPage(FormPage):
 
         def take(text: str) -> None:
             others = {name: value.text for name, value in action.calls[0].parameters.items() if name != "message"}
-            self.frame.make(AddVariant(self.shown_name, action.id, {"message": text, **others}))
+            self.make(AddVariant(self.shown_name, action.id, {"message": text, **others}))
 
         self.frame.ask_text("Another wording", "", take, hint=f"Beside: {what_text(action)}"[:64])
 
@@ -241,5 +241,5 @@ class ActPage(FormPage):
         action, field = self.action, self.form.current
         if action is None or field is None or not action.is_variants or not field.id.endswith("/message"):
             return False
-        self.frame.make(RemoveVariant(self.shown_name, action.id, int(field.id.partition("/")[0])))
+        self.make(RemoveVariant(self.shown_name, action.id, int(field.id.partition("/")[0])))
         return True

@@ -113,7 +113,7 @@ class MemoryPage(DataPage):
             if key in self.draft.checked.draft.memory:
                 self.go_to(key)
                 raise EditRefused(f"there is a key {key} already")
-            self.frame.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
+            self.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
 
         self.frame.ask_text("A new key", "", take, hint="Its name for conditions and texts: score, side.")
 
@@ -126,13 +126,13 @@ class MemoryPage(DataPage):
             number = sum(not use.defines for use in self.draft.uses.of("key", field.id))
             self.frame.ask_text(
                 f"Rename the key {field.id}", field.id,
-                lambda new: self.frame.make(*([Rename("key", field.id, new)] if new != field.id else [])),
+                lambda new: self.make(*([Rename("key", field.id, new)] if new != field.id else [])),
                 hint=f"Also in the {pluralize(number, 'place')} that use it.",
             )  # fmt: skip
 
     def remove_field(self) -> bool:
         if (field := self.form.current) is not None:
-            self.frame.make(RemoveStartValue(field.id))
+            self.make(RemoveStartValue(field.id))
         return True
 
 
@@ -169,7 +169,7 @@ class KeysPage(DataPage):
     def _ask_to_add(self) -> None:
         def take(key: str) -> None:
             def chosen(value: str) -> None:
-                self.frame.make(*new_key_edits(key, value), then=lambda: self.go_to(key))
+                self.make(*new_key_edits(key, value), then=lambda: self.go_to(key))
 
             taken = next((each for each in key_fields(self.draft) if each.id == key), None)
             if taken is not None:
@@ -184,7 +184,7 @@ class KeysPage(DataPage):
         if (field := self.form.current) is not None:
             self.frame.ask_text(
                 f"Another key instead of {field.id}", field.id,
-                lambda new: self.frame.make(*([RenameSetting(("keys", field.id), new)] if new != field.id else [])),
+                lambda new: self.make(*([RenameSetting(("keys", field.id), new)] if new != field.id else [])),
                 hint="A letter, a digit or a sign.",
             )  # fmt: skip
 
@@ -193,7 +193,7 @@ class KeysPage(DataPage):
             now = field.note.partition("”")[0].lstrip("“") if field.note.startswith("“") else ""
             self.frame.ask_text(
                 f"Label of {field.id}", now,
-                lambda label: self.frame.make(SetSetting(("keys", field.id, "label"), label)),
+                lambda label: self.make(SetSetting(("keys", field.id, "label"), label)),
                 hint="One or two words for the wizard's screen.",
             )  # fmt: skip
 
@@ -233,7 +233,7 @@ class SettingsPage(DataPage):
 
     def _add(self, addition: Addition, typed: str) -> None:
         edit, id = addition.make(typed)
-        self.frame.make(edit, then=lambda: self.go_to(id))
+        self.make(edit, then=lambda: self.go_to(id))
 
     @property
     def place(self) -> FilePlace | None:

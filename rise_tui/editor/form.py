@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -11,7 +11,6 @@ from textual.containers import Vertical
 from textual.suggester import Suggester
 from textual.widgets import Input
 
-from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.model.condition_reading import suggest_ending
 from rise_tui.editor.model.fields import (
@@ -51,16 +50,6 @@ class EndingSuggester(Suggester):
         return value + ending if ending else None
 
 
-class Changes(Protocol):
-    """What a form does with its edits."""
-
-    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step. `then` is called once they are made, or if there are none."""
-
-    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
-        """`say` what would be newly wrong with the study."""
-
-
 class FieldList(Vertical):
     """Shows fields (`show`). The field under the cursor opens in its row, and is changed when its text is accepted."""
 
@@ -72,12 +61,12 @@ class FieldList(Vertical):
     above = 0
     """Lines above the rows."""
 
-    def __init__(self, changes: Changes, *, id: str | None = None) -> None:
+    def __init__(self, page: EditPage, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self.rows = RowList()
         self.input = TextField(select_on_focus=False, suggester=EndingSuggester(self._ending))
         self._said = StaticLines(id="said")
-        self._changes = changes
+        self._page = page
         self._fields: dict[str, EditField] = {}
         self._typing: EditField | None = None
         self._notes: Sequence[FieldNote] = ()
@@ -206,7 +195,7 @@ class FieldList(Vertical):
         except EditRefused as refused:
             self.say(FieldNote("error", str(refused)))
         else:
-            self._changes.make(*edits)
+            self._page.make(*edits)
 
     def list_choices(self, field: EditField) -> None:
         """Open the list of a field's choices. The chosen name goes into an open field."""
@@ -244,7 +233,7 @@ class FieldList(Vertical):
 
     def typed(self, field: EditField, text: str) -> None:
         """Check what is typed."""
-        self._changes.preview(lambda: field.edits(text or None), self.say)
+        self._page.preview(lambda: field.edits(text or None), self.say)
 
     # --- keys ---------------------------------------------------------------------------------------------------------
 
@@ -287,10 +276,6 @@ class FormPage(EditPage):
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
         self.form = FieldList(self)
-
-    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step."""
-        self.frame.make(*edits, then=then)
 
     @property
     def is_typing(self) -> bool:

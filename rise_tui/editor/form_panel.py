@@ -9,8 +9,9 @@ from textual.app import ComposeResult
 
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import EditRefused
-from rise_tui.editor.form import TAKES, Changes, FieldList
+from rise_tui.editor.form import TAKES, FieldList
 from rise_tui.editor.model.fields import EditField, FieldNote, Form, info
+from rise_tui.editor.page import EditPage
 from rise_tui.rendering.text import crop
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -25,8 +26,8 @@ class FormPanel(FieldList):
     """
     above = 1
 
-    def __init__(self, changes: Changes) -> None:
-        super().__init__(changes, id="form")
+    def __init__(self, page: EditPage) -> None:
+        super().__init__(page, id="form")
         self.heading = StaticLines(id="form-heading")
         self.form: Form | None = None
         self._when_closed: Callable[[Form | None], None] = lambda form: None
@@ -102,7 +103,7 @@ class FormPanel(FieldList):
             return
         self.form, self._notes, self._found = form.with_value(field, value), (), ()
         self._show_form()
-        self._changes.preview(self._edits_so_far, self._say_found)
+        self._page.preview(self._edits_so_far, self._say_found)
 
     def _edits_so_far(self) -> tuple[AnyEdit, ...]:
         """The edits of the form; none while it is incomplete, because that is not wrong yet."""
@@ -141,7 +142,7 @@ class FormPanel(FieldList):
         except EditRefused as refused:
             self.say(FieldNote("error", str(refused)))
         else:
-            self._changes.make(*edits, then=then)
+            self._page.make(*edits, then=then)
 
     def _choose_option(self, field: EditField, key: str) -> None:
         """Move among the options, which are a ring. In a field of ticks, space ticks or unticks one."""

@@ -174,6 +174,10 @@ class EditPage(Vertical):
             else:
                 page.styles.clear_rule("display")
 
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step, as the frame does."""
+        self.frame.make(*edits, then=then)
+
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """While something is typed: `say` what would be newly wrong with the study."""
         self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)

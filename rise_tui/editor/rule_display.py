@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from textual import events, on
@@ -11,8 +11,7 @@ from textual.containers import Vertical
 from textual.message import Message
 
 from rise_engine.author.drawing.state_graph import GraphLayout
-from rise_engine.author.edit.edits import AnyEdit
-from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
+from rise_engine.author.edit.outline import WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_tui.editor.form_panel import FormPanel
@@ -31,7 +30,7 @@ from rise_tui.editor.model.rule_graph import (
 )
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
 from rise_tui.editor.model.study_names import StudyNames, study_names
-from rise_tui.editor.page import TURNS, EditFrame, EditPage
+from rise_tui.editor.page import TURNS, EditPage
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -48,20 +47,10 @@ from rise_tui.widgets.static_lines import StaticLines
 NO_MARK: StyledSpan = ("  ", "plain")
 
 
-class RuleStudy:
-    """The study for the editor of a rule, with the findings of exploring in its rules."""
+class RuleHost(EditPage):
+    """A page that shows a rule, as the rule's editor sees it."""
 
-    def __init__(self, frame: EditFrame, page: EditPage) -> None:
-        self._frame, self._page = frame, page
-        self._names: tuple[StudyDraft, StudyNames] | None = None
-
-    @property
-    def draft(self) -> StudyDraft:
-        return self._frame.study.draft
-
-    @property
-    def outline(self) -> Outline:
-        return self.draft.outline
+    _names: tuple[StudyDraft, StudyNames] | None = None
 
     @property
     def names(self) -> StudyNames:
@@ -73,13 +62,8 @@ class RuleStudy:
 
     @property
     def findings(self) -> Sequence[Diagnostic]:
-        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
-
-    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        self._frame.make(*edits, then=then)
-
-    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
-        self._page.preview(edits, say)
+        """The diagnostics of the study, and what exploring has found in its rules."""
+        return [*self.draft.findings, *findings_in_rules(self.frame.explored, self.draft)]
 
 
 class RuleGraphList(RowList):
@@ -132,16 +116,16 @@ class RuleDisplay(Vertical):
         rule: str
         state: str
 
-    def __init__(self, study: RuleStudy, rule: str, state: str = "") -> None:
+    def __init__(self, page: RuleHost, rule: str, state: str = "") -> None:
         """`state`: where the cursor begins; empty: at the rule's first state."""
         super().__init__(id="rule-page")
-        self._study, self._rule_name = study, rule
+        self._page, self._rule_name = page, rule
         self.spot = GraphSpot(state) if state else None
         self._layout: GraphLayout | None = None
         self._laid_out: tuple[WrittenRule, int] | None = None
         self._findings: dict[GraphSpot, list[Diagnostic]] = {}
         self.heading, self.state_heading = StaticLines(id="rule-heading"), StaticLines(id="state-heading")
-        self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel(study)
+        self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel(page)
         self._opened_from: RowView = self.graph
         """The list from which the form was opened."""
 
@@ -160,7 +144,7 @@ class RuleDisplay(Vertical):
 
     @property
     def rule(self) -> WrittenRule | None:
-        return self._study.outline.rule(self._rule_name)
+        return self._page.draft.outline.rule(self._rule_name)
 
     @property
     def state(self) -> WrittenState | None:
@@ -180,7 +164,7 @@ class RuleDisplay(Vertical):
             return
         if self._laid_out != (rule, width):
             self._laid_out, self._layout = (rule, width), lay_out_rule(rule, width)
-        self._findings = rule_findings(rule, self._study.findings)
+        self._findings = rule_findings(rule, self._page.findings)
         self.heading.show(self._heading_line(rule))
         if self._layout is None:
             hint = " this rule has no states yet: n adds one"
@@ -204,7 +188,7 @@ class RuleDisplay(Vertical):
         rule, state = self.rule, self.state
         if rule is None or state is None:
             return
-        use = use_of(self._study.outline, state)
+        use = use_of(self._page.draft.outline, state)
         parts = state_parts(rule.name, state, use)
         marks = {spot: SEVERITY_MARKS[severity] for spot, severity in self._marks.items()}
         of_parts = [
@@ -218,7 +202,7 @@ class RuleDisplay(Vertical):
     def _heading_line(self, rule: WrittenRule) -> StyledLine:
         transitions = sum(len(state.transitions) for state in rule.states)
         notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(transitions, 'transition')}"]
-        keys = [key for key, what in self._study.names.keyboard.items() if _starts(what, rule.name)]
+        keys = [key for key, what in self._page.names.keyboard.items() if _starts(what, rule.name)]
         notes += [f"key {', '.join(keys)}"] if keys else []
         notes += [f"priority {rule.priority}"] if rule.priority is not None else []
         name, right = f" {rule.name}", f"{rule.file}:{rule.line} "

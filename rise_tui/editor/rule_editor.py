@@ -114,7 +114,7 @@ class RuleEditor(RuleDisplay):
             self._open_part(rule, state, part)
 
     def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
-        names = self._study.names
+        names = self._page.names
         _check_changeable(part)
         if part.kind == "heading" and part.at is None:
             self._add_transition(rule, state)
@@ -125,7 +125,7 @@ class RuleEditor(RuleDisplay):
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
             at = _arm(part)
             self._open(ConditionRuleForm({"condition": part.guard}, names, at, "change", part.guard))
-        elif part.kind == "parameter" and (use := use_of(self._study.outline, state)) is not None:
+        elif part.kind == "parameter" and (use := use_of(self._page.draft.outline, state)) is not None:
             name = part.target or ""
             given = use.values.get(name)
             self._open(TemplateValueForm({"value": given.text if given is not None else ""}, use, name))
@@ -137,7 +137,7 @@ class RuleEditor(RuleDisplay):
         if reason := transition.reason or why_not_editable(transition.form):
             raise EditRefused(f"{reason}; e opens the file there")
         values = transition_values(transition.form)
-        self._open(TransitionRuleForm(values, self._study.names, rule, state, number))
+        self._open(TransitionRuleForm(values, self._page.names, rule, state, number))
 
     def _open(self, form: Form, focus: str = "") -> None:
         self._opened_from = self.parts if self.parts.has_focus else self.graph
@@ -171,10 +171,10 @@ class RuleEditor(RuleDisplay):
         if at is None or part.reason:
             raise EditRefused(part.reason or "nothing can be added here")
         values = call_values(CallForm("startCommunicationRobotAct", ""))
-        self._open(CallRuleForm(values, self._study.names, at))
+        self._open(CallRuleForm(values, self._page.names, at))
 
     def _add_transition(self, rule: WrittenRule, state: WrittenState) -> None:
-        self._open(TransitionRuleForm(likely_transition(state), self._study.names, rule, state), "trigger")
+        self._open(TransitionRuleForm(likely_transition(state), self._page.names, rule, state), "trigger")
 
     def _new_state(self) -> None:
         rule = self.rule
@@ -196,7 +196,7 @@ class RuleEditor(RuleDisplay):
     def _only_if(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor depend on a condition."""
         at, call = self._function_here("o puts a function into a condition")
-        self._open(ConditionRuleForm({}, self._study.names, at, "wrap", call=call))
+        self._open(ConditionRuleForm({}, self._page.names, at, "wrap", call=call))
 
     def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         part = self.parts.part
@@ -205,17 +205,17 @@ class RuleEditor(RuleDisplay):
         at, can_be_else = part.new_branch, part.can_be_else
         if at is None:
             raise EditRefused("there is no condition here; o puts a function into one")
-        self._open(ConditionRuleForm({}, self._study.names, at, "otherwise", can_be_else=can_be_else))
+        self._open(ConditionRuleForm({}, self._page.names, at, "otherwise", can_be_else=can_be_else))
 
     def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         """Make the function at the cursor one of several; chance picks one of them."""
         at, call = self._function_here("b makes a function one of several")
         first = structs.replace(at, path=(*at.path, 0))
         edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
-        self._study.make(*edits, then=lambda: self.parts.select(id_of_call(first)))
+        self._page.make(*edits, then=lambda: self.parts.select(id_of_call(first)))
 
     def _make_first(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
-        self._study.make(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
+        self._page.make(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
 
     def _part_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> PartRow | None:
         """The row at the cursor of the list; in the graph, the row of the transition under the cursor."""
@@ -226,7 +226,7 @@ class RuleEditor(RuleDisplay):
 
     def _remove(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         if self.graph.has_focus and spot.transition < 0:
-            self._study.make(RemoveState(rule.name, state.id))
+            self._page.make(RemoveState(rule.name, state.id))
             return
         part = self._part_here(rule, state, spot)
         if part is not None:
@@ -234,14 +234,14 @@ class RuleEditor(RuleDisplay):
         edit = removal(part, state, rule.name) if part is not None else None
         if edit is None:
             raise EditRefused("there is nothing to remove here")
-        self._study.make(edit)
+        self._page.make(edit)
 
     def _move(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot, step: int) -> None:
         part = self._part_here(rule, state, spot)
         edit = movement(part, state, rule.name, step) if part is not None else None
         if part is None or edit is None:
             raise EditRefused((part.reason if part is not None else "") or "it cannot be moved further")
-        self._study.make(edit, then=lambda: self._go_with(part, step))
+        self._page.make(edit, then=lambda: self._go_with(part, step))
 
     def _go_with(self, part: PartRow, step: int) -> None:
         """Move the cursor with the moved row."""

@@ -19,8 +19,8 @@ from rise_engine.author.trial.trial import Trial
 from rise_engine.scenario.model import Scenario
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.trial_rows import standing_of
-from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.editor.rule_display import RuleStudy
+from rise_tui.editor.page import EditFrame
+from rise_tui.editor.rule_display import RuleHost
 from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.row_list import RowList
@@ -29,7 +29,7 @@ BESIDE = 100
 """Columns from which the trial run is beside the rule. In a narrower terminal it replaces the rule."""
 
 
-class RulePage(EditPage):
+class RulePage(RuleHost):
     """One rule. `t` tries it, `esc` leads back from the trial run."""
 
     KIND: ClassVar[str] = "rule"
@@ -47,8 +47,7 @@ class RulePage(EditPage):
         """`name`: the rule; after a zero character, the state where the cursor begins."""
         rule, _, state = name.partition("\0")
         super().__init__(frame, rule)
-        self._study = RuleStudy(frame, self)
-        self.editor, self.trial = RuleEditor(self._study, rule, state), TrialView()
+        self.editor, self.trial = RuleEditor(self, rule, state), TrialView()
 
     def compose(self) -> ComposeResult:
         with Horizontal():
@@ -191,7 +190,7 @@ class RulePage(EditPage):
         text = await asyncio.to_thread(text_of_test, trial, title)
         folder = Path(self.draft.folder)
         file = path_of_test(folder, title).relative_to(folder).as_posix()
-        self.frame.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"new file: {file}"))
+        self.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"new file: {file}"))
 
 
 def _lines_of(written: Written) -> FilePlace:

@@ -224,7 +224,7 @@ class SentencePage(EditPage):
             return
         step = self.step_over(event.step)
         self.close_field()
-        self.frame.make(*edits, then=lambda: self.go_on(step, changed=bool(edits)))
+        self.make(*edits, then=lambda: self.go_on(step, changed=bool(edits)))
 
     @on(TextArea.Changed)
     def _typed(self, event: TextArea.Changed) -> None:

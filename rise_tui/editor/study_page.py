@@ -151,14 +151,14 @@ class StudyPage(EditPage):
         after = name if kind == "act" else ""
 
         def take(typed: str) -> None:
-            self.frame.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
+            self.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
 
         where = f"It is added after {after}." if after else "It is added at the end of the last file of acts."
         self.frame.ask_text("A new act", "", take, hint=f"Its name for rules and keys. {where}")
 
     def _ask_for_rule(self, after: str) -> None:
         def take(typed: str) -> None:
-            self.frame.make(AddRule(typed, "Start", after=after), then=lambda: self._open_new("rule", typed))
+            self.make(AddRule(typed, "Start", after=after), then=lambda: self._open_new("rule", typed))
 
         self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
 
@@ -174,7 +174,7 @@ class StudyPage(EditPage):
         def take(typed: str) -> None:
             if typed != name:
                 edit = Rename("act" if kind == "act" else "rule", name, typed)
-                self.frame.make(edit, then=lambda: self._select(kind, typed))
+                self.make(edit, then=lambda: self._select(kind, typed))
 
         number = len(used_by(self.draft, kind, name))
         self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that use it.")
@@ -185,15 +185,15 @@ class StudyPage(EditPage):
 
         def take(typed: str) -> None:
             edit: AnyEdit = CopyAct(name, typed) if kind == "act" else CopyRule(name, typed)
-            self.frame.make(edit, then=lambda: self._select(kind, typed))
+            self.make(edit, then=lambda: self._select(kind, typed))
 
         self.frame.ask_text(f"Copy the {kind} {name}", f"{name}_2", take, hint="The name of the copy.")
 
     def _remove(self, kind: str, name: str) -> None:
         if kind == "act":
-            self.frame.make(RemoveAct(name))
+            self.make(RemoveAct(name))
         elif kind == "rule":
-            self.frame.make(RemoveRule(name))
+            self.make(RemoveRule(name))
 
     def _show_uses(self, kind: str, name: str) -> None:
         found = used_by(self.draft, kind, name)

@@ -264,7 +264,7 @@ class TablesPage(SentencePage):
             self.draw_detail()
             self.frame.draw_bars()
 
-        self.frame.make(edit, then=go_to_new)
+        self.make(edit, then=go_to_new)
 
     def add_column(self) -> None:
         """Add a column after the one under the cursor."""
@@ -277,7 +277,7 @@ class TablesPage(SentencePage):
         further = participants.get("columns", []) if isinstance(participants, dict) else []
         self.frame.ask_text(
             f"A new column of {name}", "",
-            lambda typed: self.frame.make(*new_column(name, typed, at, further), then=lambda: self._go_to_column(at)),
+            lambda typed: self.make(*new_column(name, typed, at, further), then=lambda: self._go_to_column(at)),
             hint="Its name; a translation is called text.de.",
         )  # fmt: skip
 
@@ -287,7 +287,7 @@ class TablesPage(SentencePage):
         def ask_columns(name: str) -> None:
             def make(columns: str) -> None:
                 edit = new_table(table_names(self.draft.files), name, columns)
-                self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
+                self.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
 
             self.frame.ask_text(
                 f"The columns of {name}", "", make, hint="Names with commas between them: id, text, text.de"
@@ -301,4 +301,4 @@ class TablesPage(SentencePage):
         """Remove the row under the cursor."""
         if self.row is None:
             raise EditRefused(self._why_not)
-        self.frame.make(RemoveRow(self.row[0].table, self.row[0].number))
+        self.make(RemoveRow(self.row[0].table, self.row[0].number))

@@ -202,13 +202,13 @@ class TextsPage(SentencePage):
 
     def _still_right(self) -> None:
         if self.entry is not None:
-            self.frame.make(*still_right_edits(self.entry, self.view.language))
+            self.make(*still_right_edits(self.entry, self.view.language))
 
     def _remove(self) -> None:
         """Remove the translation."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
             raise EditRefused("del removes only translations here; remove a text on its act's page (j)")
-        self.frame.make(*translation_edits(self.entry, self.view.language, ""))
+        self.make(*translation_edits(self.entry, self.view.language, ""))
 
     def _go_to_act(self) -> None:
         if (entry := self.entry) is not None:

@@ -30,6 +30,10 @@ class StudyInMemory:
         self.said: list[str] = []
 
     @property
+    def draft(self) -> StudyInMemory:
+        return self
+
+    @property
     def outline(self) -> Outline:
         return outline_of(self.files)
 
