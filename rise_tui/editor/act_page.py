@@ -9,7 +9,7 @@ from textual import on
 from textual.app import ComposeResult
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant
+from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
 from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.form import FormPage
@@ -235,11 +235,3 @@ class ActPage(FormPage):
             self.make(AddVariant(self.shown_name, action.id, {"message": text, **others}))
 
         self.frame.ask_text("Another wording", "", take, hint=f"Beside: {what_text(action)}"[:64])
-
-    def remove_field(self) -> bool:
-        """In a form of wordings, remove the wording under the cursor."""
-        action, field = self.action, self.form.current
-        if action is None or field is None or not action.is_variants or not field.id.endswith("/message"):
-            return False
-        self.make(RemoveVariant(self.shown_name, action.id, int(field.id.partition("/")[0])))
-        return True

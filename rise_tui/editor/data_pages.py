@@ -97,7 +97,8 @@ class MemoryPage(DataPage):
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
-        return {**self.form_calls, "edit.add": self._ask_to_add, "edit.rename": self._ask_to_rename}
+        more = {"edit.add": self._ask_to_add, "edit.rename": self._ask_to_rename, "edit.remove": self._remove}
+        return {**self.form_calls, **more}
 
     def make_fields(self) -> Sequence[EditField]:
         return memory_fields(self.draft)
@@ -130,10 +131,9 @@ class MemoryPage(DataPage):
                 hint=f"Also in the {pluralize(number, 'place')} that use it.",
             )  # fmt: skip
 
-    def remove_field(self) -> bool:
+    def _remove(self) -> None:
         if (field := self.form.current) is not None:
             self.make(RemoveStartValue(field.id))
-        return True
 
 
 class KeysPage(DataPage):

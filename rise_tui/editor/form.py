@@ -284,12 +284,4 @@ class FormPage(EditPage):
     @property
     def form_calls(self) -> Mapping[str, Callable[[], object]]:
         """What actions do while the form has the focus."""
-        return {"edit.open": self.form.open_current, "edit.remove": self._remove_current}
-
-    def _remove_current(self) -> None:
-        if not self.remove_field():
-            self.form.clear_current()
-
-    def remove_field(self) -> bool:
-        """Remove more than the text of the field under the cursor; False: only its text."""
-        return False
+        return {"edit.open": self.form.open_current, "edit.remove": self.form.clear_current}

@@ -171,8 +171,8 @@ class TextsPage(SentencePage):
             "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
             "edit.still-right": self._still_right,
             "edit.go": self._go_to_act,
-            "edit.language": lambda: _choose_language(self.frame, self.view.language, self._show_language),
-            "edit.add": lambda: _ask_for_language(self.frame, self._show_language),
+            "edit.language": self._choose_language,
+            "edit.add": self._ask_for_language,
             "edit.remove": self._remove,
         }
 
@@ -219,6 +219,43 @@ class TextsPage(SentencePage):
         self.column = 1
         self._look_at(self.view._replace(language=language))
 
+    def _choose_language(self) -> None:
+        """Let the author choose a language, or add a new one."""
+        languages = languages_of(self.draft)
+        if not languages:
+            self._ask_for_language()
+            return
+        choices = []
+        for language in languages:
+            counts = count_texts(text_entries(self.draft, language))
+            help = f"✓ {counts.there}  ▲ {counts.stale} changed since  ✗ {counts.missing} missing"
+            choices.append(FieldChoice(language, language, help))
+        title = f"Translate {own_language(self.draft) or 'the acts'} into; a new tag adds a language"
+        self.frame.choose(title, choices, self._take_language, now=self.view.language, new="a new language")
+
+    def _ask_for_language(self) -> None:
+        self.frame.ask_text("Another language", "", self._add_language, hint=LANGUAGE_HINT)
+
+    def _take_language(self, language: str) -> None:
+        if language in languages_of(self.draft):
+            self._show_language(language)
+        else:
+            self._add_language(language)
+
+    def _add_language(self, language: str) -> None:
+        """Add a language. For the first one, also ask for the language of the acts."""
+
+        def add(*edits: AnyEdit) -> None:
+            self.make(*edits, AddLanguage(language), then=lambda: self._show_language(language))
+
+        if own_language(self.draft):
+            add()
+            return
+        self.frame.ask_text(
+            "In which language are the acts?", "en", lambda own: add(SetSetting(("language",), own)),
+            hint="Its tag: en, de, pt-BR.",
+        )  # fmt: skip
+
     # --- changing a text ----------------------------------------------------------------------------------------------
 
     def open_current(self) -> None:
@@ -261,46 +298,3 @@ class TextsPage(SentencePage):
         languages = [tag for tag, each in self.draft.checked.translations.items() if entry.text.id in each.texts]
         changed = f"the text will have changed since its translation into {', '.join(languages)}"
         return [FieldNote("info", changed)] if languages else []
-
-
-def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) -> None:
-    """Let the author choose a language or add a new one; `show` receives it."""
-    draft = frame.study.draft
-    languages = languages_of(draft)
-    if not languages:
-        _ask_for_language(frame, show)
-        return
-    choices = []
-    for language in languages:
-        counts = count_texts(text_entries(draft, language))
-        help = f"✓ {counts.there}  ▲ {counts.stale} changed since  ✗ {counts.missing} missing"
-        choices.append(FieldChoice(language, language, help))
-
-    def take(chosen: str) -> None:
-        if chosen in languages:
-            show(chosen)
-        else:
-            _add_language(frame, chosen, show)
-
-    title = f"Translate {own_language(draft) or 'the acts'} into; a new tag adds a language"
-    frame.choose(title, choices, take, now=now, new="a new language")
-
-
-def _ask_for_language(frame: EditFrame, show: Callable[[str], None]) -> None:
-    """Ask for a new language and add it; then `show` receives it."""
-    frame.ask_text("Another language", "", lambda tag: _add_language(frame, tag, show), hint=LANGUAGE_HINT)
-
-
-def _add_language(frame: EditFrame, language: str, show: Callable[[str], None]) -> None:
-    """Add a language. For the first one, also ask for the language of the acts."""
-
-    def make(*edits: AnyEdit) -> None:
-        frame.make(*edits, AddLanguage(language), then=lambda: show(language))
-
-    if own_language(frame.study.draft):
-        make()
-        return
-    frame.ask_text(
-        "In which language are the acts?", "en", lambda own: make(SetSetting(("language",), own)),
-        hint="Its tag: en, de, pt-BR.",
-    )  # fmt: skip

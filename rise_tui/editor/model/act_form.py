@@ -105,7 +105,7 @@ def _call_fields(
         else:
             field = field._replace(edits=partial(_parameter_edits, act.name, action.id, name, number))
         if many and name == "message":
-            field = field._replace(edits=partial(_wording_edits, act.name, action.id, number))
+            field = field._replace(text=field.text or "", edits=partial(_wording_edits, act.name, action.id, number))
         fields.append(field)
     return fields
 
