@@ -17,7 +17,7 @@ from rise_tui.editor.model.act_form import act_choices, action_fields, new_actio
 from rise_tui.editor.model.act_rows import act_seconds, action_rows, action_type, file_lines, scale_line, what_text
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.fields import EditField
-from rise_tui.editor.model.study_rows import keys_by_name, used_lines, wrong_files
+from rise_tui.editor.model.study_rows import keys_by_name, setting_notes, used_lines, wrong_files
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
 from rise_tui.widgets.row_list import RowList, RowView
@@ -112,10 +112,7 @@ class ActPage(FormPage):
         notes = []
         if keys := keys_by_name(self.draft).get(("act", act.name)):
             notes.append(f"key{'s' if len(keys) > 1 else ''} {' '.join(key.label for key in keys)}")
-        scenario = self.draft.checked.scenario
-        if scenario is not None and act.name in scenario.acts:
-            settings = scenario.settings_of(act.name)
-            notes += [*(["hold"] if settings.hold else []), *(["filler"] if settings.filler else [])]
+        notes += setting_notes(self.draft, act)
         notes += [f"from the template {act.template}"] if act.template else [act.reason] if act.reason else []
         left: StyledLine = ((f" {act.name}", "strong"), (f"  {' · '.join(notes)}", "muted"))
         seconds = format_seconds(act_seconds(act, self.draft.checked))

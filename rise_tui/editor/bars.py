@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 from rise_engine.base.text import pluralize
 from rise_tui.actions import BY_ID
 from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredStudy, explored_line
+from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.key_labels import first_key_label
 from rise_tui.rendering.text import (
     StyledLine,
     StyledSpan,
-    TextRole,
     align_at_both_ends,
     clean,
     crop,
@@ -53,11 +54,12 @@ def finding_line(draft: StudyDraft, about: str) -> StyledLine:
     errors = [each for each in found if each.severity == "error"]
     near = [each for each in errors or found if each.location.file == about]
     first = (near or found)[0]
-    role: TextRole = "fault" if first.severity == "error" else "wait"
-    glyph = "✗" if first.severity == "error" else "▲"
-    return ((f" {glyph} {first.location.file}:{first.location.line} ", role), (clean(first.message), role))
+    mark, role = NOTE_MARKS[first.severity]
+    return ((f" {mark}{first.location.file}:{first.location.line} ", role), (clean(first.message), role))
 
 
+HintPiece: TypeAlias = tuple[list[StyledSpan], str]
+"""A key with its word, and the id of its action."""
 COMMON_HINTS = {
     "edit.undo": "undo",
     "edit.save": "save",
@@ -123,22 +125,17 @@ class EditHints(KeyHints):
         """`own`: actions of the page with their words; `bound`: keys that the page binds itself."""
         shown = {**({"stop": "STOP"} if stops else {}), **own}
         common = {id: word for id, word in COMMON_HINTS.items() if id not in shown}
-        keys: list[tuple[list[StyledSpan], str]] = [
-            ([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in bound
-        ]
-        self.show_pieces([*_pieces(shown), *keys, *_pieces(common)])
+        self.show_pieces([*_pieces(shown), *(_piece(*each) for each in bound), *_pieces(common)])
 
     def draw_typing(self) -> None:  # type: ignore[override]
         """Draw the keys while a field is open."""
         words = {"enter": "done", "tab": "next field", "esc": "as it was"}
-        pieces: list[tuple[list[StyledSpan], str]] = []
-        pieces += [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in words.items()]
-        self.show_pieces(pieces)
+        self.show_pieces([_piece(*each) for each in words.items()])
 
 
-def _pieces(words: Mapping[str, str]) -> list[tuple[list[StyledSpan], str]]:
-    pieces: list[tuple[list[StyledSpan], str]] = []
-    for id, word in words.items():
-        role: TextRole = "fault" if id == "stop" else "key"
-        pieces.append(([(f" {first_key_label(BY_ID[id])}", role), (f" {word} ", "plain")], id))
-    return pieces
+def _pieces(words: Mapping[str, str]) -> list[HintPiece]:
+    return [_piece(first_key_label(BY_ID[id]), word, id) for id, word in words.items()]
+
+
+def _piece(key: str, word: str, id: str = "") -> HintPiece:
+    return [(f" {key}", "fault" if id == "stop" else "key"), (f" {word} ", "plain")], id

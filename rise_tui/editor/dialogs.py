@@ -15,7 +15,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredPlace, explored_rows, find_explored
-from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.fields import NOTE_MARKS, FieldChoice
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.pick_list import Picked, PickList
@@ -181,13 +181,13 @@ def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None
 
 
 def _choice(number: int, finding: Diagnostic) -> FieldChoice:
-    mark = "✗" if finding.severity == "error" else "▲"
-    where = f"{mark} {finding.location.file}:{finding.location.line}"
+    where = f"{NOTE_MARKS[finding.severity][0]}{finding.location.file}:{finding.location.line}"
     return FieldChoice(str(number), where, clean(finding.message))
 
 
 def _explored_choice(number: int, finding: ExploredPlace, word: str) -> FieldChoice:
-    where = f"{finding.mark} {finding.file}:{finding.line}" if finding.file else finding.mark
+    mark, _ = NOTE_MARKS[finding.severity]
+    where = f"{mark}{finding.file}:{finding.line}" if finding.file else mark
     return FieldChoice(str(number), where, f"{word}: {clean(finding.text)}")
 
 

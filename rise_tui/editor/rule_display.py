@@ -17,8 +17,8 @@ from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_tui.editor.form_panel import FormPanel
 from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import findings_in_rules
+from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.editor.model.rule_graph import (
-    SEVERITY_MARKS,
     GraphSpot,
     beside,
     draw_rule,
@@ -190,7 +190,7 @@ class RuleDisplay(Vertical):
             return
         use = use_of(self._page.draft.outline, state)
         parts = state_parts(rule.name, state, use)
-        marks = {spot: SEVERITY_MARKS[severity] for spot, severity in self._marks.items()}
+        marks = {spot: NOTE_MARKS[severity] for spot, severity in self._marks.items()}
         of_parts = [
             marks.get(GraphSpot(state.id, part.transition), NO_MARK) if part.kind == "transition" else NO_MARK
             for part in parts
@@ -218,7 +218,7 @@ class RuleDisplay(Vertical):
         found = self._findings.get(self.spot or GraphSpot(""), ())
         problem: StyledLine = ()
         if found:
-            mark = SEVERITY_MARKS[found[0].severity]
+            mark = NOTE_MARKS[found[0].severity]
             problem = (("  ", "plain"), (f"{mark[0]}{found[0].message}", mark[1]))
         title = f"── {state.id} ──{first}{template}"
         return crop(((title, "accent"), *problem), max(1, width))

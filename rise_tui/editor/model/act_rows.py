@@ -54,7 +54,7 @@ def _action_seconds(act: WrittenAct, checked: LoadResult) -> dict[str, float]:
     specs, memory = checked.robot.actions, checked.draft.memory
     found: dict[str, float] = {}
     for action in act.actions:
-        known = [_seconds(each, specs.get(each.type), memory) for each in calls.get(action.id, ())]
+        known = [call_seconds(each, specs.get(each.type), memory) for each in calls.get(action.id, ())]
         if not known:  # unreadable: use its declaration
             spec = specs.get(action.calls[0].type) if action.calls else None
             known = [spec.seconds if spec is not None else 0.0]
@@ -62,13 +62,16 @@ def _action_seconds(act: WrittenAct, checked: LoadResult) -> dict[str, float]:
     return found
 
 
-def _seconds(call: ActionCall, spec: ActionSpec | None, memory: Mapping[str, Json]) -> float:
+def call_seconds(
+    call: ActionCall, spec: ActionSpec | None, memory: Mapping[str, Json], unfilled: Mapping[str, str] = {}
+) -> float:
+    """About how long an action takes. `unfilled`: its parameters if the memory lacks a value that it needs."""
     if spec is None:
         return 0.0
     try:
         return expected_seconds(spec, fill_parameters(call, spec, memory))
     except (MissingValueError, ValueError):
-        return expected_seconds(spec, {})
+        return expected_seconds(spec, unfilled)
 
 
 WHEN, BAR = 11, 26

@@ -8,12 +8,13 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.base.text import clean, pluralize
-from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.syntax.xml_layout import line_start
 from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.editor.model.study_rows import find_at
-from rise_tui.rendering.text import ListRow, StyledLine, TextRole, wrap
+from rise_tui.rendering.text import ListRow, StyledLine, wrap
 
 
 class ExploredPlace(Struct, frozen=True):
@@ -32,12 +33,8 @@ class ExploredPlace(Struct, frozen=True):
     """How a session gets there, one sentence for each step."""
 
     @property
-    def mark(self) -> str:
-        return "✗" if self.level == "problem" else "▲"
-
-    @property
-    def role(self) -> TextRole:
-        return "fault" if self.level == "problem" else "wait"
+    def severity(self) -> Severity:
+        return "error" if self.level == "problem" else "warning"
 
 
 class ExploredStudy(Struct, frozen=True):
@@ -117,8 +114,8 @@ def read_explored(document: bytes, at: str) -> ExploredStudy | None:
 def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
     """The first of these findings; without one, the result of the whole exploration (quiet if that is empty)."""
     if findings:
-        first = findings[0]
-        return ((f" {first.mark} {explored.word(draft)}: ", first.role), (clean(first.text), first.role))
+        mark, role = NOTE_MARKS[findings[0].severity]
+        return ((f" {mark}{explored.word(draft)}: ", role), (clean(findings[0].text), role))
     sentence = explored.sentence(draft)
     if not sentence:
         return ()
@@ -127,7 +124,8 @@ def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence
 
 def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
     """A finding in full: its sentence, and how a session gets there, step by step."""
-    rows = [ListRow("", ((f" {line}", finding.role),), selectable=False) for line in wrap(finding.text, width - 2)]
+    _, role = NOTE_MARKS[finding.severity]
+    rows = [ListRow("", ((f" {line}", role),), selectable=False) for line in wrap(finding.text, width - 2)]
     rows.append(ListRow("", (), selectable=False))
     rows.append(ListRow("", ((" HOW A SESSION GETS THERE", "accent"),), selectable=False))
     for number, step in enumerate(finding.way, 1):
@@ -153,7 +151,7 @@ def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagno
     """Findings in rules, as diagnostics at the present lines."""
     return [
         Diagnostic(
-            "error" if finding.level == "problem" else "warning",
+            finding.severity,
             "explored",
             f"{explored.word(draft)}: {finding.text}",
             place,

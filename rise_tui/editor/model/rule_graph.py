@@ -18,12 +18,12 @@ from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
 from rise_engine.syntax.xml_writing import one_line
+from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
 
 MARGIN = 2
 """Cells left of the drawing, for the mark of a diagnostic."""
-SEVERITY_MARKS: dict[Severity, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait")}
 
 
 class GraphSpot(NamedTuple):
@@ -79,7 +79,7 @@ def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphS
         if spot in here and len(here) > 1:
             line = _emphasize(line, transition=shown.transition >= 0)
         found = [marks[each] for each in here if each in marks]
-        mark: StyledSpan = SEVERITY_MARKS["error" if "error" in found else "warning"] if found else ("  ", "plain")
+        mark: StyledSpan = NOTE_MARKS["error" if "error" in found else "warning"] if found else ("  ", "plain")
         rows.append(ListRow(shown.id, crop((mark, *line), layout.width + MARGIN)))
     return rows
 

@@ -127,16 +127,19 @@ def _also_line(title: str, help: str, width: int) -> StyledLine:
 def _act_note(draft: StudyDraft, act: WrittenAct, room: int) -> str:
     """An act's settings and number of wordings, as much as fits."""
     most = max((len(action.calls) for action in act.actions), default=0)
-    scenario = draft.checked.scenario
-    notes: list[str] = []
-    if scenario is not None and act.name in scenario.acts:
-        settings = scenario.settings_of(act.name)
-        notes += ["hold"] if settings.hold else []
-        notes += ["filler"] if settings.filler else []
-    notes += [f"{most} var."] if most > 1 else []
+    notes = [*setting_notes(draft, act), *([f"{most} var."] if most > 1 else [])]
     while notes and len(" ".join(notes)) > room:
         notes.pop()
     return " ".join(notes)
+
+
+def setting_notes(draft: StudyDraft, act: WrittenAct) -> list[str]:
+    """An act's settings in words. None while there is an error."""
+    scenario = draft.checked.scenario
+    if scenario is None or act.name not in scenario.acts:
+        return []
+    settings = scenario.settings_of(act.name)
+    return [word for word, is_given in (("hold", settings.hold), ("filler", settings.filler)) if is_given]
 
 
 def wrong_files(draft: StudyDraft) -> dict[str, list[int]]:

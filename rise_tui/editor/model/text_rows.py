@@ -13,14 +13,12 @@ from rise_engine.author.edit.edits import AnyEdit, SetTranslation
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.translations import edit_of_original, written_original
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.reading.translations import Translation, slot_problem
 from rise_engine.scenario.speech.spoken_texts import SpokenText
-from rise_engine.scenario.speech.template import MissingValueError, Template
-from rise_tui.editor.model.act_rows import when_text
+from rise_engine.scenario.speech.template import Template
+from rise_tui.editor.model.act_rows import call_seconds, when_text
 from rise_tui.editor.model.draft import FilePlace, StudyDraft
 from rise_tui.rendering.text import (
     ListRow,
@@ -341,10 +339,7 @@ def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> f
     """About how long it takes to say something in place of a text, with the memory's start values."""
     spec = checked.robot.actions[text.call.type]
     call = replace(text.call, parameters={**text.call.parameters, text.parameter: template})
-    try:
-        return expected_seconds(spec, fill_parameters(call, spec, checked.draft.memory))
-    except (MissingValueError, ValueError):
-        return expected_seconds(spec, {text.parameter: template.text})
+    return call_seconds(call, spec, checked.draft.memory, {text.parameter: template.text})
 
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
