@@ -113,13 +113,6 @@ class EditPage(Vertical):
         """The actions of scope `edit` that the page carries out."""
         return {}
 
-    def carry_out(self, action: str) -> bool:
-        """Carry out an action of scope `edit`; False: it means nothing here."""
-        call = self.calls.get(action)
-        if call is not None:
-            call()
-        return call is not None
-
     def turn(self, step: int) -> bool:
         """Handle `left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
         return False

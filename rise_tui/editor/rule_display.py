@@ -280,9 +280,6 @@ class RuleDisplay(Vertical):
         if found is not None:
             self.parts.move_cursor(found, by_wizard=False)
 
-    def action_other_list(self) -> None:
-        (self.parts if self.graph.has_focus else self.graph).focus()
-
     @on(RowView.Resized)
     def _resized(self, event: RowView.Resized) -> None:
         event.stop()

@@ -75,32 +75,26 @@ class RuleEditor(RuleDisplay):
     def is_typing(self) -> bool:
         return self.panel.is_open
 
-    def carry_out(self, action: str) -> bool:
-        """Carry out an action of the editor; False: it means nothing here."""
-        calls: dict[str, Callable[[], None]] = {
-            "edit.new-state": self._new_state,
-            "edit.try": self._try_rule,
-            "edit.other": self.action_other_list,
-        }
-        at_cursor: dict[str, Callable[[WrittenRule, WrittenState, GraphSpot], None]] = {
-            "edit.open": self._open_here,
-            "edit.add": lambda rule, state, spot: self._add(rule, state, behind=False),
-            "edit.behind": lambda rule, state, spot: self._add(rule, state, behind=True),
-            "edit.rename": lambda rule, state, spot: self._open(NameForm({"name": state.id}, rule.name, state.id)),
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        """The actions of the editor that mean something here."""
+        calls: dict[str, Callable[[], object]] = {"edit.new-state": self._new_state, "edit.try": self._try_rule}
+        rule, state, spot = self.rule, self.state, self.spot
+        if rule is None or state is None or spot is None:
+            return calls
+        return calls | {
+            "edit.open": lambda: self._open_here(rule, state, spot),
+            "edit.add": lambda: self._add(rule, state),
+            "edit.behind": lambda: self._add(rule, state, behind=True),
+            "edit.rename": lambda: self._open(NameForm({"name": state.id}, rule.name, state.id)),
             "edit.only-if": self._only_if,
             "edit.otherwise": self._otherwise,
             "edit.chance": self._by_chance,
-            "edit.first": self._make_first,
-            "edit.remove": self._remove,
-            "edit.earlier": lambda rule, state, spot: self._move(rule, state, spot, -1),
-            "edit.later": lambda rule, state, spot: self._move(rule, state, spot, 1),
+            "edit.first": lambda: self._make_first(rule, state),
+            "edit.remove": lambda: self._remove(rule, state, spot),
+            "edit.earlier": lambda: self._move(rule, state, spot, -1),
+            "edit.later": lambda: self._move(rule, state, spot, 1),
         }
-        rule, state, spot = self.rule, self.state, self.spot
-        if action in calls:
-            calls[action]()
-        elif action in at_cursor and rule is not None and state is not None and spot is not None:
-            at_cursor[action](rule, state, spot)
-        return action in calls or action in at_cursor
 
     # --- forms ---
 
@@ -130,7 +124,7 @@ class RuleEditor(RuleDisplay):
             given = use.values.get(name)
             self._open(TemplateValueForm({"value": given.text if given is not None else ""}, use, name))
         else:
-            self._add(rule, state, behind=False)
+            self._add(rule, state)
 
     def _open_transition(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
         transition = state.transitions[number]
@@ -161,7 +155,7 @@ class RuleEditor(RuleDisplay):
         if isinstance(form, CallRuleForm) and form.was is None:
             self.parts.select(id_of_call(form.at))
 
-    def _add(self, rule: WrittenRule, state: WrittenState, *, behind: bool) -> None:
+    def _add(self, rule: WrittenRule, state: WrittenState, *, behind: bool = False) -> None:
         """Add a function at the cursor of the list; in the graph, a transition of the state."""
         part = self.parts.part
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
@@ -193,12 +187,12 @@ class RuleEditor(RuleDisplay):
         _check_changeable(part)
         return part.at, part.call
 
-    def _only_if(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+    def _only_if(self) -> None:
         """Make the function at the cursor depend on a condition."""
         at, call = self._function_here("o puts a function into a condition")
         self._open(ConditionRuleForm({}, self._page.names, at, "wrap", call=call))
 
-    def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+    def _otherwise(self) -> None:
         part = self.parts.part
         if not self.parts.has_focus or part is None:
             raise EditRefused("l adds what happens otherwise: go to a condition in the list below the graph (tab)")
@@ -207,14 +201,14 @@ class RuleEditor(RuleDisplay):
             raise EditRefused("there is no condition here; o puts a function into one")
         self._open(ConditionRuleForm({}, self._page.names, at, "otherwise", can_be_else=can_be_else))
 
-    def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+    def _by_chance(self) -> None:
         """Make the function at the cursor one of several; chance picks one of them."""
         at, call = self._function_here("b makes a function one of several")
         first = structs.replace(at, path=(*at.path, 0))
         edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
         self._page.make(*edits, then=lambda: self.parts.select(id_of_call(first)))
 
-    def _make_first(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+    def _make_first(self, rule: WrittenRule, state: WrittenState) -> None:
         self._page.make(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
 
     def _part_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> PartRow | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -106,11 +106,9 @@ class RulePage(RuleHost):
             return True
         return False
 
-    def carry_out(self, action: str) -> bool:
-        if action == "edit.other":
-            self._go_to_next_list()
-            return True
-        return not self._in_trial and self.editor.carry_out(action)
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return {**({} if self._in_trial else self.editor.calls), "edit.other": self._go_to_next_list}
 
     def _go_to_next_list(self) -> None:
         lists: list[RowList] = []

@@ -199,13 +199,9 @@ class EditScreen(StudyFrame):
         """Carry out an action of the registry that works here; the page comes first."""
         if self.page.is_typing and action not in ("stop", "quit"):
             return
-        self.attempt(lambda: self._carry_out_action(action))
-
-    def _carry_out_action(self, action: str) -> None:
-        if action.startswith("edit.") and self.page.carry_out(action):
-            return
-        if (call := self._calls.get(action)) is not None:
-            call()
+        call = self.page.calls.get(action) or self._calls.get(action)
+        if call is not None:
+            self.attempt(call)
 
     @property
     def _calls(self) -> Mapping[str, Callable[[], object]]:

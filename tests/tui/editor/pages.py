@@ -78,8 +78,12 @@ class PageApp(TerminalApp):
 
     def action_do(self, action: str) -> None:
         """What the frame does with an action of the editor."""
-        if isinstance(self._page, RuleEditor) and not self._page.is_typing:
-            self._page.carry_out(action)
+        page = self._page
+        if isinstance(page, RuleEditor) and not page.is_typing:
+            if action == "edit.other":
+                (page.parts if page.graph.has_focus else page.graph).focus()
+            elif (call := page.calls.get(action)) is not None:
+                call()
 
     def on_mount(self) -> None:
         for known in themes.THEMES:
