@@ -6,7 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.author.edit.edits import SetActionType, SetParameter, SetSetting, SetWaits
+from rise_engine.author.edit.edits import (
+    AddTransition,
+    SetActionType,
+    SetParameter,
+    SetSetting,
+    SetWaits,
+    TransitionForm,
+)
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
@@ -15,7 +22,7 @@ from rise_tui.editor.bars import top_line
 from rise_tui.editor.model.act_form import action_fields, new_action_parameters, parameter_note
 from rise_tui.editor.model.act_rows import action_rows, action_times, file_lines, scale_line
 from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
-from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of, first_new_finding
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
 from rise_tui.rendering.text import line_width, plain_text
 from tests.study.studies import DESIGN, write_study
@@ -167,3 +174,14 @@ def test_lines_of_the_file_show_what_differs_from_what_is_saved(study: Path) -> 
     lines = [plain_text(line) for line in file_lines(draft, FilePlace(act.file, now.line, now.line + 30), 100, 12)]
     assert sum("-|" in line for line in lines) == 1
     assert any("+|" in line and "Good day." in line for line in lines)
+
+
+def test_a_second_mistake_in_the_same_words_is_a_new_one(study: Path) -> None:
+    workspace = Workspace(study)
+    unfinished = TransitionForm(condition="person_near and")
+    workspace.apply(AddTransition("Greeting", "Nobody", unfinished))
+    draft = draft_of(workspace)
+    found = first_new_finding(draft, workspace.preview(AddTransition("Greeting", "Nobody", unfinished)))
+    assert found is not None and found.message == "something is missing after `and`"
+    assert first_new_finding(draft, workspace.preview()) is None
+    workspace.close()
