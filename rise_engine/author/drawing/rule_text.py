@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rise_engine.base.typed_values import format_value
@@ -74,28 +74,26 @@ class Truth(NamedTuple):
     error: str = ""
 
 
-def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
-    """Evaluate a condition over the present memory."""
+def _short_value(value: Any) -> str:
+    """Format a value that is shown beside others; a long list or object is given by its size."""
+    if isinstance(value, list | dict) and len(value) > MOST_PARTS:
+        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
+    return format_value(value)
+
+
+def truth_of(expression: Expression, memory: Mapping[str, Any], shown: Callable[[Any], str] = _short_value) -> Truth:
+    """Evaluate a condition over the present memory. `shown` formats each value that it reads."""
     parts: dict[str, Any] = {}
     holds, error = False, ""
     try:
         holds = expression.compiled_condition(Environment(memory, parts=parts))
     except EvaluationError as problem:
         error = str(problem)
-    texts = {
-        name: f"{name} is {_short_value(value)}" for name, value in parts.items() if value is not None or not error
-    }
+    texts = {name: f"{name} is {shown(value)}" for name, value in parts.items() if value is not None or not error}
     for key in expression.keys - expression.keys_of_parts_only:
         found, value = lookup(memory, key)
-        texts[key] = f"{key} is {_short_value(value)}" if found else f"{key} is not set"
+        texts[key] = f"{key} is {shown(value)}" if found else f"{key} is not set"
     return Truth(expression.text, ", ".join(text for _, text in sorted(texts.items())), holds, error)
-
-
-def _short_value(value: Any) -> str:
-    """Format a value that is shown beside others; a long list or object is given by its size."""
-    if isinstance(value, list | dict) and len(value) > MOST_PARTS:
-        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
-    return format_value(value)
 
 
 def wait_text(scenario: Scenario, transition: Transition) -> str:

@@ -183,7 +183,7 @@ def _busy(trial: Trial) -> set[str]:
 
 
 def read_condition(word: Literal["if", "while"], condition: Expression, memory: Mapping[str, Any]) -> ConditionReading:
-    """Evaluate a condition with these values, part by part; a form uses it while the author types."""
+    """Evaluate a condition with these values, part by part."""
     joint, parts = split_condition(condition)
     return ConditionReading(
         word, joint, tuple(truth_of(part, memory) for part in parts), truth_of(condition, memory).holds

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
+from rise_engine.author.drawing.rule_text import truth_of
+from rise_engine.expression import Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
 from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
@@ -64,39 +65,18 @@ def suggest_ending(text: str, keys: Sequence[str]) -> str:
     return ""
 
 
-def values_text(expression: Expression, memory: Mapping[str, Json]) -> str:
-    """The keys and parts that an expression reads, with their values."""
-    return _evaluate(expression, memory)[0]
-
-
 def _truth_text(expression: Expression, memory: Mapping[str, Json]) -> str:
     """Whether the expression holds with these values, or why that is unknown."""
-    values, holds, why = _evaluate(expression, memory)
-    if holds is None:
-        return why
+    if expression.draws:
+        return "chance decides each time"
+    for key in sorted(expression.keys - expression.keys_of_parts_only):
+        if key.partition(".")[0] == SESSION and not lookup(memory, key)[0]:
+            return f"`{key}` is known when a session runs"
+    _, values, holds, error = truth_of(expression, memory, short_value)
+    if error:
+        return f"these values give no result: {error.removeprefix(f'{MISSING_PART}: ')}"
     truth = "true" if holds else "false"
     return f"{values} at the start: {truth}" if values else f"always {truth}"
-
-
-def _evaluate(expression: Expression, memory: Mapping[str, Json]) -> tuple[str, bool | None, str]:
-    """The values that are read, whether the expression holds, and why that is unknown."""
-    parts: dict[str, Json] = {}
-    holds, why = None, ""
-    if expression.draws:
-        why = "chance decides each time"
-    else:
-        try:
-            holds = expression.compiled_condition(Environment(memory, parts=parts))
-        except EvaluationError as error:
-            why = f"these values give no result: {str(error).removeprefix(f'{MISSING_PART}: ')}"
-    texts = {name: f"{name} is {short_value(value)}" for name, value in parts.items() if value is not None}
-    for key in expression.keys - expression.keys_of_parts_only:
-        found, value = lookup(memory, key)
-        if not found and key.partition(".")[0] == SESSION:
-            holds, why = None, f"`{key}` is known when a session runs"
-        texts[key] = f"{key} is {short_value(value)}" if found else f"{key} is not there"
-    values = ", ".join(text for _, text in sorted(texts.items()))
-    return values, holds, why
 
 
 def _readable_beginning(text: str) -> Expression | None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from rise_engine.author.drawing.rule_text import truth_of
 from rise_engine.author.edit.edits import (
     AddBranch,
     AddStatement,
@@ -26,7 +27,7 @@ from rise_engine.author.edit.rule_words import FUNCTION_WORDS
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
 from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import FunctionName, normal_topic
-from rise_tui.editor.model.condition_reading import condition_field, values_text
+from rise_tui.editor.model.condition_reading import condition_field
 from rise_tui.editor.model.fields import EditField, FieldChoice, FieldNote, Form, info
 from rise_tui.editor.model.study_names import StudyNames, short_value
 
@@ -125,7 +126,7 @@ class CallRuleForm(Form):
         except (ExpressionError, EvaluationError):
             return []
         found, value = lookup({key: value}, assignment.key)
-        values = values_text(expression, memory)
+        values = truth_of(expression, memory, short_value).values
         becomes = f"{values} at the start: {assignment.key} becomes {short_value(value)}"
         return info(becomes if found and values else "")
 

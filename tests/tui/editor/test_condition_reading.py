@@ -27,7 +27,7 @@ def test_an_unfinished_condition_is_read_as_far_as_it_goes() -> None:
 def test_brackets_are_shown_where_they_say_more_than_the_text() -> None:
     assert notes("step < 4 and not happy or mood") == [
         ("info", "read as ((step < 4) and (not happy)) or mood"),
-        ("info", "happy is false, mood is not there, step is 0 at the start: true"),
+        ("info", "happy is false, mood is not set, step is 0 at the start: true"),
     ]
     assert notes("step = 1") == [("info", "step is 0 at the start: false")]
 
