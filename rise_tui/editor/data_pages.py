@@ -13,9 +13,9 @@ from textual.widget import Widget
 from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import pluralize
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.data_fields import (
-    SCENARIO_FILE,
     Addition,
     additions,
     key_choices,

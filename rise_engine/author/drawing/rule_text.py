@@ -57,7 +57,7 @@ def _waited_label(transition: Transition) -> str:
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
 """Endings that the engine raises as events: all of them for acts, only the first for rules."""
-_WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+ENDING_VERBS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
 MOST_PARTS = 20
@@ -117,7 +117,7 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
 def engine_raises_text(scenario: Scenario, topic: str) -> str:
     """Say that the engine itself raises this event about an act or a rule; empty for other events."""
     found = parse_engine_event(scenario, topic)
-    return f"{found[0]} raises this event itself when it {_WHEN[found[1]]}" if found is not None else ""
+    return f"{found[0]} raises this event itself when it {ENDING_VERBS[found[1]]}" if found is not None else ""
 
 
 def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None:

@@ -12,6 +12,7 @@ from rise_engine.author.edit.edits import AnyEdit, SetSetting, SetStartValue
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import pluralize
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.reading.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
@@ -19,7 +20,6 @@ from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
-SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
 KEY_KINDS = ("act", "rule", "event", "set")
 """What a key of the keyboard can do, in the words of [keys]."""
 USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (

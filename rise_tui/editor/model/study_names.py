@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from rise_engine.author.drawing.rule_text import ENDING_VERBS
 from rise_engine.author.edit.edits import CallForm
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStatement
 from rise_engine.author.edit.plan import Files
@@ -88,14 +89,11 @@ class StudyNames(NamedTuple):
         return [FieldChoice(name, name, f"{len(self.states_of(name))} states") for name in self.rules]
 
 
-ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
-
-
 def engine_notes(draft: ScenarioDraft) -> dict[str, str]:
     """The events that the engine raises itself, each with the moment."""
     notes = {CUE_TOPICS[0]: "the participant's cue", CUE_TOPICS[1]: "raised when the cue is taken back"}
     for act in draft.acts:
-        notes |= {act + suffix: f"raised automatically when {act} {when}" for suffix, when in ENGINE_ENDINGS.items()}
+        notes |= {act + suffix: f"raised automatically when {act} {when}" for suffix, when in ENDING_VERBS.items()}
     for name, rule in draft.rules.items():
         notes[f"{name}_end"] = f"raised automatically when {name} ends"
         for state, topic in result_topics(rule):

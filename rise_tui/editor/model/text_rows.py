@@ -13,7 +13,7 @@ from rise_engine.author.edit.edits import AnyEdit, SetTranslation
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.translations import edit_of_original, written_original
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.reading.translations import Translation, slot_problem
 from rise_engine.scenario.speech.spoken_texts import SpokenText
@@ -321,7 +321,7 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
     if not language:
         return f"a session: rise-tui --config {shlex.quote(folder)}"
     command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
-    if "study.toml" in draft.files:
+    if STUDY_FILE in draft.files:
         command = "from the column `language` of participants.csv"
     counts = count_texts(text_entries(draft, language))
     lacking = [f"{pluralize(counts.missing, 'text')} missing"] if counts.missing else []
