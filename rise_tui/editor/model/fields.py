@@ -144,9 +144,7 @@ class Form:
     ) -> EditField:
         """A field that is typed. F2 lists its choices."""
         value = self.values.get(id) or None
-        return EditField(
-            id, label, "text", value, note=note, choices=choices, new=new, empty=empty, remarks=remarks
-        )  # fmt: skip
+        return EditField(id, label, "text", value, note=note, choices=choices, new=new, empty=empty, remarks=remarks)
 
     def options(self, id: str, label: str, words: Mapping[str, str], kind: FieldKind = "option") -> EditField:
         """A field that shows all its choices, in words."""

@@ -26,7 +26,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import normal_topic
 from rise_tui.editor.model.condition_reading import condition_field
-from rise_tui.editor.model.fields import EditField, FieldNote, Form, info
+from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldNote, Form, info
 from rise_tui.editor.model.study_names import StudyNames, acts_started_by
 
 TRIGGER_WORDS = {
@@ -194,11 +194,9 @@ class TransitionRuleForm(Form):
     @property
     def fields(self) -> Sequence[EditField]:
         names, trigger = self.names, self.values["trigger"]
+        label, empty, note = "but only if", NOT_GIVEN, "at that moment"
         if trigger == "condition":
-            condition = ("this is true", "step = 2, or a memory key that is true", "")
-        else:
-            condition = ("but only if", "–", "at that moment")
-        label, empty, note = condition
+            label, empty, note = "this is true", "step = 2, or a memory key that is true", ""
         outcomes = self.options("outcomes", "has", OUTCOMES, "ticks")
         every = (
             self.options("trigger", "as soon as", TRIGGER_WORDS),
