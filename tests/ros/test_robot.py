@@ -445,6 +445,33 @@ def test_what_goes_on_is_not_confirmed_because_a_second_server_did_not_know_it(w
     assert robot.of(StopReport)[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
 
 
+@pytest.mark.parametrize("who_leaves", ["the second one, during the stop", "the second one, before it", "the first one"])
+def test_the_status_of_a_second_server_hides_nothing_that_goes_on_at_the_first(who_leaves: str) -> None:
+    """A message does not say who sent it, and what a server has told last is latched."""
+    robot = Alone()
+    robot.start("0/a")  # what others begin later is not taken over
+    robot.run(6)
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=600, cancel="refuse"))
+    robot.run(7)
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    for name, type in TYPES.items():
+        BadServer(twin, name, type, robot.loop.call_later).foreign(bytes(range(3, 19)), Plan(seconds=0.2))
+    robot.run(9)
+    if "before" in who_leaves:
+        twin.close()
+        robot.run(13)
+    robot.robot.stop_all()
+    robot.run(17)
+    (robot.far if "first" in who_leaves else twin).close()
+    robot.run(40)
+    if "first" in who_leaves:
+        assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+    else:
+        assert robot.servers[SPEECH].running() == [OTHERS]
+        assert not any("pepper/speech" in report.confirmed for report in robot.of(StopReport))
+        assert robot.of(StopReport)[-1].unconfirmed[-1].startswith("pepper/speech (")
+
+
 def test_a_refusal_confirms_nothing_where_the_status_is_not_heard() -> None:
     robot = Alone()
     robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=8, cancel="reject", status=False))

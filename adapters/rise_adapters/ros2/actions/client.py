@@ -76,7 +76,8 @@ class ActionClient:
         self.heard_at: float | None = None
         """The time of the server's last sign of life: any answer, feedback or status."""
         self.statuses: dict[bytes, int] = {}
-        """The server's last status of each goal that it knows, including those of others."""
+        """The server's last status of each goal that it knows, including those of others. While there are several, also
+        of what may go on at one that did not speak last: a message does not say who sent it."""
         self.on_feedback: Callable[[bytes, Message], None] = _ignore
         """Called with the goal's id and the action's feedback. Of feedback in quick succession, only the newest
         messages arrive (`FEEDBACK_PAUSE`), as many as the depth of the topic, because several goals share it."""
@@ -153,9 +154,9 @@ class ActionClient:
 
     def _take_status(self, message: Message) -> None:
         self.heard_at = self._now()
-        self.statuses = {
-            bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]
-        }
+        told = {bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]}
+        several = self._status.count_publishers() > 1
+        self.statuses = {goal: self.statuses[goal] for goal in self.unfinished_goals() if several} | told
         self.on_status(self.statuses)
 
 
