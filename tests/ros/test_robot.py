@@ -551,6 +551,22 @@ def test_an_open_goal_is_not_forgotten_because_a_twin_that_has_just_come_does_no
     assert robot.of(RobotChanged)[-1].open and robot.servers[SPEECH].running()
 
 
+def test_what_runs_is_not_over_because_a_twin_that_has_just_come_does_not_know_it() -> None:
+    robot = Alone(Plan(seconds=600, cancel="refuse"))
+    robot.start()
+    robot.run(4.01)
+    twin = MemoryTransport(robot.wire, robot.loop, "/twin")
+    BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
+    robot.robot.cancel("1/a")
+    robot.run(4.1)  # so the twin is asked for the result, and answers before the next look finds it ...
+    robot.wire.delay("*/get_result", 0.35, what="reply")
+    robot.run(6)  # ... and its next answer is slower
+    twin.close()
+    robot.run(12)
+    assert robot.of(RobotChanged)[-1].open and robot.servers[SPEECH].running()
+    assert "pepper/speech" not in robot.stop(10).confirmed
+
+
 def failing(times: int) -> Any:
     """A call of the middleware that fails so often; afterwards nothing is there."""
     left = [times]

@@ -421,8 +421,8 @@ class ActionGoal:
         """The server does not know the goal: it was restarted, or keeps no results. In the second case its status topic
         reports the ending, perhaps a moment later."""
         presence = self.endpoint.presence
-        if presence.changes != servers:
-            return  # the present server has been asked since
+        if presence.changes != servers or self.endpoint.client.count_servers() != presence.count:
+            return  # those that are there now have been asked since, or are when the next look has found them
         if self._result.finished_as != UNKNOWN:
             self._end_discarded()
         elif presence.count > 1:
