@@ -4,10 +4,11 @@ One step: input -> time -> kernel -> journal -> records to the sinks -> commands
 and belongs to one thread. Real time comes from a `RealClock` on an asyncio loop, virtual time from a caller who
 advances a `VirtualClock`.
 
-With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins and nobody
-gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what makes the robot safe
-(cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it accepts only these from
-outside. Reports of the robot and the timers are kept, with their time, until they can be recorded.
+With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins, no stop
+ends and nobody gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what
+makes the robot safe (cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it
+accepts only these from outside. Reports of the robot and the timers are kept, with their time, until they can be
+recorded.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from rise_engine import __version__
 from rise_engine.base.suspend import suspended_seconds
 from rise_engine.base.text import pluralize
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.commands import CancelAction, CancelOpenGoals, Command, StartAction, StopRobot
+from rise_engine.kernel.commands import CancelAction, CancelOpenGoals, Command, EndStop, StartAction, StopRobot
 from rise_engine.kernel.inputs import (
     ActionReport,
     AnyInput,
@@ -79,6 +80,8 @@ class _UnrecordedStep(Struct):
     position: int
     records: list[AnyRecord]
     starts: list[StartAction]
+    ends_stop: bool
+    """Whether a stop is released, and everything has not been stopped again since."""
     on_reply: ReplyCallback
     reply: Reply
     t: float
@@ -453,10 +456,11 @@ class Engine:
                 position = self._journal.append(join_step(line, map(encode_record, records)))
                 starts = [command for command in commands if isinstance(command, StartAction)]
                 # Before the safe commands: a cancel may concern an action that has not gone out yet.
-                step = _UnrecordedStep(position, records, starts, answer, reply, self._t, suspended_seconds())
+                ends_stop, t = EndStop() in commands, self._t
+                step = _UnrecordedStep(position, records, starts, ends_stop, answer, reply, t, suspended_seconds())
                 self._unrecorded_steps.append(step)
                 for command in commands:
-                    if not isinstance(command, StartAction):
+                    if not isinstance(command, StartAction | EndStop):
                         self._carry_out_before_recording(command)
         finally:
             self._stepping = False
@@ -481,6 +485,8 @@ class Engine:
                 self._drop_late(steps)
                 for step in steps:
                     self._publish(step.records)
+                    if step.ends_stop:
+                        self._commands.run(EndStop())
                     for start in step.starts:
                         self._commands.run(start)
                     try:
@@ -573,7 +579,8 @@ class Engine:
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
-        """Carry out a command that needs no record first. An action cancelled before it went out never starts."""
+        """Carry out a command that needs no record first. An action cancelled before it went out never starts, and a
+        stop is not ended by the release of one before it."""
         if isinstance(command, CancelAction):
             for step in self._unrecorded_steps:
                 for start in step.starts:
@@ -581,6 +588,9 @@ class Engine:
                         step.starts.remove(start)
                         self._post_not_begun(start)
                         return
+        if isinstance(command, StopRobot):
+            for step in self._unrecorded_steps:
+                step.ends_stop = False
         self._commands.run(command)
 
     def _post_not_begun(self, start: StartAction, why: str = NOT_BEGUN) -> None:

@@ -513,6 +513,45 @@ async def test_a_stop_that_was_released_while_the_disk_hung_is_not_told(tmp_path
         await it.until(lambda: it.robot.calls == ["stop", "end of stop"])
 
 
+async def test_the_robot_is_told_of_a_release_when_it_is_recorded(tmp_path: Path) -> None:
+    """Until then every console shows STOPPED, and what others begin is still stopped, or told."""
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("pepper/speech",)))
+        await it.until(lambda: it.of(StopRecord) and it.of(StopRecord)[-1].status == "latched")
+        disk.go.clear()
+        it.ask(Submit(function="releaseStop", source="wizard:anna"))
+        it.engine.flush_durable()
+        assert it.robot.calls == ["stop"]
+        disk.go.set()
+        await it.until(lambda: it.of(StopRecord)[-1].status == "released")
+        assert it.robot.calls == ["stop", "end of stop"]
+
+
+@pytest.mark.parametrize("paused", [False, True])
+async def test_the_release_of_an_earlier_stop_does_not_end_a_later_one(tmp_path: Path, paused: bool) -> None:
+    disk = FullDisk() if paused else StallingDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("pepper/speech",)))
+        await it.until(lambda: it.of(StopRecord) and it.of(StopRecord)[-1].status == "latched")
+        if isinstance(disk, FullDisk):
+            disk.number = errno.ENOSPC
+        else:
+            disk.go.clear()
+        it.ask(Submit(function="releaseStop", source="wizard:anna"))
+        if paused:
+            await it.until(lambda: it.engine.paused)
+        it.ask(STOP)
+        if isinstance(disk, FullDisk):
+            disk.number = None
+        else:
+            disk.go.set()
+        await it.until(lambda: [record.status for record in it.of(StopRecord)].count("requested") == 2)
+        assert "end of stop" not in it.robot.calls
+
+
 def test_the_robot_knows_which_emergency_stops_were_pressed_for_an_earlier_engine() -> None:
     robot = Robot()
     CommandRunner(robot, scenario(GREETING), VirtualClock(), lambda input: None).connect((), ["estop:/door"])
