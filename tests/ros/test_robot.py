@@ -348,7 +348,7 @@ def test_what_goes_away_during_a_stop_is_asked_again_when_it_is_back() -> None:
     robot.run(5)
     assert robot.of(StopReport) == [both], "what has confirmed and is gone does nothing"
     robot.wire.heal("/robot")
-    robot.run(7)
+    robot.run(13)  # it had no goal yet, so its status says nothing
     assert [server.cancels for server in robot.servers.values()] == [[bytes(16)] * 2] * 2
     appeared = "(it has only just appeared)"
     back = StopReport(unconfirmed=(f"pepper/look_at {appeared}", f"pepper/speech {appeared}"))
@@ -383,6 +383,43 @@ def test_what_goes_on_at_a_server_that_is_back_is_not_confirmed_before_its_statu
     since = robot.of(StopReport)[before:]
     assert since[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
     assert not any("pepper/speech" in report.confirmed for report in since)
+
+
+@pytest.mark.parametrize("is_restarted", [False, True])
+def test_what_others_begin_out_of_sight_is_not_confirmed_before_its_status_arrives(is_restarted: bool) -> None:
+    robot = Alone()
+    robot.run(7)
+    robot.stop()
+    robot.wire.forget("/robot")
+    robot.run(12)
+    if is_restarted:
+        robot.far.close()
+        robot.far = MemoryTransport(robot.wire, robot.loop, "/robot")
+        robot.wire.forget("/robot")
+        robot.serve()
+    robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=600, cancel="refuse"))
+    robot.run(15)
+    robot.wire.delay("*/status", 3.0)
+    before = len(robot.of(StopReport))
+    robot.wire.heal("/robot")
+    robot.run(17)
+    assert "pepper/speech (it has only just appeared)" in robot.of(StopReport)[-1].unconfirmed
+    robot.run(30)
+    assert robot.servers[SPEECH].running() == [OTHERS]
+    assert not any("pepper/speech" in report.confirmed for report in robot.of(StopReport)[before:])
+
+
+def test_what_has_no_status_and_comes_and_goes_confirms_again() -> None:
+    robot = Alone()
+    for server in robot.servers.values():
+        server._status.close()
+    for gone, back in ((5, 8), (8.3, 9)):
+        robot.run(gone)
+        robot.wire.forget("/robot")
+        robot.run(back)
+        robot.wire.heal("/robot")
+    robot.run(20)
+    assert robot.stop() == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
 
 
 @pytest.mark.parametrize("overlap", [True, False], ids=["the dead one is shown", "between two looks"])
@@ -445,7 +482,9 @@ def test_what_goes_on_is_not_confirmed_because_a_second_server_did_not_know_it(w
     assert robot.of(StopReport)[-1].unconfirmed == ("pepper/speech (it refused to stop)",)
 
 
-@pytest.mark.parametrize("who_leaves", ["the second one, during the stop", "the second one, before it", "the first one"])
+@pytest.mark.parametrize(
+    "who_leaves", ["the second one, during the stop", "the second one, before it", "the first one"]
+)
 def test_the_status_of_a_second_server_hides_nothing_that_goes_on_at_the_first(who_leaves: str) -> None:
     """A message does not say who sent it, and what a server has told last is latched."""
     robot = Alone()
@@ -823,7 +862,7 @@ def test_what_listens_again_is_told_of_the_stop() -> None:
     eyes.run(5)
     assert "pepper/eyes (gone)" in eyes.of(StopReport)[-1].unconfirmed and eyes.seen == []
     eyes.wire.heal("/robot")
-    eyes.run(9)
+    eyes.run(13)
     assert {what for _, what in eyes.seen} == {"neutral"}
     assert eyes.of(StopReport)[-1].unconfirmed == ("pepper/eyes (told to stop; a topic gives no answer)",)
 

@@ -239,10 +239,10 @@ def test_a_stop_that_is_in_force_asks_again_over_a_new_connection() -> None:
     robot.run(6)
     robot.servers[SPEECH].foreign(OTHERS, Plan(seconds=60))
     robot.robot.switch_transport(MemoryTransport(robot.wire, robot.loop, "/engine_again"))
-    robot.run(12)
+    robot.run(14)
     assert robot.of(StopReport)[-1] == StopReport(confirmed=("pepper/look_at", "pepper/speech"))
     assert not robot.servers[SPEECH].running(), "what was begun meanwhile is stopped, too"
     robot.servers[SPEECH].foreign(bytes(range(1, 17)), Plan(seconds=60))
-    robot.run(15)
+    robot.run(17)
     why = "pepper/speech (something was begun there after the stop)"
     assert robot.of(StopReport)[-1].unconfirmed == (why,)

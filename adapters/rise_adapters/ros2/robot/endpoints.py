@@ -184,8 +184,8 @@ class ActionEndpoint(_ComparedEndpoint):
         super().__init__(label, transport, mapping, clock)
         self.was_heard = False
         """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
-        self._was_running = False
-        """Whether something ran there when it went, and it has not told since what became of that."""
+        self._was_away = False
+        """Whether it has ever gone. Others may have begun something where it was out of sight."""
         self._programs: frozenset[bytes] = frozenset()
         """The programs that offered it last."""
         self._status_found_at: float | None = None
@@ -209,7 +209,7 @@ class ActionEndpoint(_ComparedEndpoint):
         """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
-            self._was_running = bool(self.client.unfinished_goals()) or not self.has_told
+            self._was_away = True
             self.client.statuses.clear()
             self.was_heard = False
             self._status_found_at = self._unanswered_at = None
@@ -224,8 +224,10 @@ class ActionEndpoint(_ComparedEndpoint):
 
     @property
     def has_told(self) -> bool:
-        """Whether it would show what it is doing. If something ran there when it went, only its status tells."""
-        return self.was_heard if self._was_running else self.is_known
+        """Whether it would show what it is doing. If it was away, only its status tells, if that can be heard."""
+        is_mute = not self.client.count_status_publishers()
+        is_late = self._clock.now() >= self.presence.appeared_at + HEARING_SECONDS
+        return self.was_heard or (is_late if self._was_away and is_mute else self.is_known and not self._was_away)
 
     def _is_heard_out(self) -> bool:
         """Whether a status from before its appearance would have arrived by now."""
@@ -250,7 +252,6 @@ class ActionEndpoint(_ComparedEndpoint):
         """Note that its program was started again, perhaps between two polls. What ran there does not go on."""
         self.presence.changes += 1
         self.presence.appeared_at = self._clock.now()
-        self._was_running = False
 
     def mark_unanswered(self) -> None:
         """Note that it owes an answer that did not arrive in time."""
