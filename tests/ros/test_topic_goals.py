@@ -126,6 +126,46 @@ def test_a_base_that_is_cut_off_has_not_heard_because_a_tool_begins_to_listen(to
     assert set(base) == {"neutral"} and eyes.of(RobotChanged)[-1].open == ()
 
 
+def test_a_base_that_is_listed_after_its_first_order_has_heard_the_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+    eyes = Eyes(listening=False, **RESET)
+    heard = listen(eyes, "/base")
+    with monkeypatch.context() as patch:
+        patch.setattr(eyes.near, "subscriber_endpoints", lambda topic: [])
+        eyes.run(3)
+        eyes.show("1/a", "happy", 2)
+        eyes.run(4)
+    eyes.run(10)
+    assert heard == ["happy", "neutral"] and eyes.of(RobotChanged)[-1].open == ()
+
+
+@pytest.mark.parametrize("nodes", [("",), ("/base", "/lights")], ids=["without a name", "one after the other"])
+def test_a_base_that_is_started_again_is_known_by_its_nodes(nodes: tuple[str, ...]) -> None:
+    """A program with several nodes ends them one by one; a plain program of DDS has none."""
+    eyes = Eyes(listening=False, **RESET)
+
+    def start() -> list[MemoryTransport]:
+        made = [MemoryTransport(eyes.wire, eyes.loop, node or "/nameless") for node in nodes]
+        for node, each in zip(nodes, made, strict=True):
+            each.node, each.program = node, made[0].program
+            each.subscribe("/pepper/eyes", EYES["type"], lambda message: None, QoS())
+        return made
+
+    base = start()
+    eyes.run(1)
+    eyes.show("1/a", "happy", 2)
+    for at, each in enumerate(base, 2):
+        eyes.run(at)
+        each.close()
+    eyes.run(5)
+    assert [goal.reason for goal in eyes.of(RobotChanged)[-1].open] == [NOT_HEARD]
+    listen(eyes, "/rqt_plot")
+    eyes.run(8)
+    assert eyes.of(RobotChanged)[-1].open, "a tool is no base"
+    start()
+    eyes.run(12)
+    assert eyes.of(RobotChanged)[-1].open == ()
+
+
 @pytest.mark.parametrize("node", ["/rosbag2_recorder", "/_ros2cli_4711"])
 def test_who_only_looks_on_is_owed_nothing_and_disturbs_nothing(node: str) -> None:
     eyes = Eyes(rate=5.0, **RESET)

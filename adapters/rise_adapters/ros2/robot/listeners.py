@@ -3,13 +3,13 @@
 A topic gives no answer, and middleware notices a cut late. So a program that listened to an order has it until it has
 listened to the reset, and gone on listening for LEASE_SECONDS. One that goes before counts as away with its order. It
 is told again when it is back, however late, and so is whatever else comes to listen. Until then, the reset is *owed*,
-unless a program with the same node has come instead: after it, and at most a lease before it was missed. (A program
-that is started again is another one, and the dead one is seen for a while. A tool that begins to listen is no base.)
+unless a program with the same node (or none, as it) has come instead: after it, and at most a lease before it was
+missed. (A program that is started again is another one, and the dead one is seen for a while. A tool that begins to
+listen is no base.)
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from math import inf
 
@@ -23,7 +23,8 @@ _SOMEBODY = b"somebody"
 
 
 class Listeners:
-    """The programs that listen to one topic (`RemoteEndpoint.program`). All times are session times in seconds."""
+    """The programs that listen to one topic (`RemoteEndpoint.program`), or their numbers while the middleware does not
+    list them. All times are session times in seconds."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -37,8 +38,8 @@ class Listeners:
         """Those that have the last order and do not listen, and since when they do not."""
         self._came: dict[bytes, float] = {}
         """When a program was first seen."""
-        self._nodes: dict[bytes, str] = {}
-        """The node of a program, as far as it was ever told."""
+        self._nodes: dict[bytes, frozenset[str]] = {}
+        """The nodes of a program, as far as they were ever told."""
         self._away: set[bytes] = set()
         """Those that are away with an earlier order. They hold nothing, and are told when they are back."""
 
@@ -50,7 +51,8 @@ class Listeners:
         """Take in who listens now, with their nodes. `stands`: the last order is still meant. `latched`: late listeners
         get it, too."""
         now = self._now()
-        self._nodes |= {each: node for each, node in found.items() if node}
+        self._note_nodes(found)
+        self._take_listed(found)
         self._since = {each: self._since.get(each, now) for each in found}
         self._came = self._since | self._came
         self._missed = {each: self._missed.get(each, now) for each in self._ordered - self._since.keys()}
@@ -63,7 +65,7 @@ class Listeners:
 
     def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
         """Note that those who are found get an order. `stands`: instead of another one, which they may have missed."""
-        self._nodes |= {each: node for each, node in found.items() if node}
+        self._note_nodes(found)
         if not stands:
             self.write_off()
         self._came = dict.fromkeys(found, self._now()) | self._came
@@ -105,19 +107,36 @@ class Listeners:
     @property
     def is_owed(self) -> bool:
         """Whether somebody has an order and has not heard its reset, and nobody has come instead."""
-        untold = self._ordered - self._told.keys()
-        others = self._told.keys() | self._missed.keys()
-        instead = [each for each in others if any(self._replaces(each, missed) for missed in untold)]
-        if _SOMEBODY in untold and not instead:
+        untold, told = self._ordered - self._told.keys(), self._told.keys()
+        if _SOMEBODY in untold and not any(self._replaces(each, _SOMEBODY) for each in told):
             return True
-        needed = Counter(self._nodes.get(each, each) for each in untold - {_SOMEBODY})
-        return bool(needed - Counter(self._nodes.get(each, each) for each in instead))
+        if any(missed not in self._missed for missed in untold):
+            return True
+        instead = told | self._missed.keys()
+        for missed in sorted(untold - {_SOMEBODY}, key=self._replaceable_from, reverse=True):
+            found = next((each for each in sorted(instead) if self._replaces(each, missed)), None)
+            if found is None:
+                return True
+            instead -= {found}  # it has come instead of one
+        return False
+
+    def _note_nodes(self, found: Mapping[bytes, str]) -> None:
+        for each, nodes in found.items():
+            self._nodes[each] = self._nodes.get(each, frozenset()) | frozenset(nodes.split())
+
+    def _take_listed(self, found: Mapping[bytes, str]) -> None:
+        """Note that who is listed only now was there before, as a number, and has the order."""
+        unlisted = {each for each in self._ordered - found.keys() - self._missed.keys() if each.isdigit()}
+        listed = {each for each in found.keys() - self._since.keys() if not each.isdigit()}
+        if unlisted and listed:
+            self._ordered = self._ordered - unlisted | listed
+
+    def _replaceable_from(self, missed: bytes) -> float:
+        """Since when a program may have come instead of one that is missed."""
+        return max(self._came[missed], self._missed[missed] - LEASE_SECONDS)
 
     def _replaces(self, each: bytes, missed: bytes) -> bool:
-        """Whether a program may have come instead of one that is missed."""
-        if missed not in self._missed:
-            return False
-        node = self._nodes.get(missed)
-        is_same = missed == _SOMEBODY or (node is not None and node == self._nodes.get(each))
-        at = self._missed[missed] - LEASE_SECONDS
-        return is_same and self._came[each] > self._came[missed] and self._came[each] >= at
+        """Whether a program may have come instead of one that is missed. (A tool of ROS always has a name.)"""
+        nodes, others = (self._nodes.get(one, frozenset()) for one in (missed, each))
+        is_same = missed == _SOMEBODY or bool(nodes & others) or not (nodes or others)
+        return is_same and self._came[each] > self._came[missed] and self._came[each] >= self._replaceable_from(missed)
