@@ -189,6 +189,57 @@ def test_a_button_without_its_program_is_not_let_go_by_a_program_of_another_name
     assert robot.of(EstopReport) == [PRESSED], "there are two now"
 
 
+@pytest.mark.parametrize("by", ["/panel", ""])
+def test_a_button_whose_program_has_no_node_is_let_go_only_by_one_without(by: str) -> None:
+    robot = with_estop(**TOPIC)
+    pressed = another(robot, "/plain")
+    pressed.home.node = ""
+    say(robot, 5, (pressed, True))
+    pressed.home.close()
+    other = another(robot, "/other")
+    other.home.node = by
+    say(robot, 3, (other, False))
+    assert robot.of(EstopReport) == ([PRESSED] if by else [PRESSED, LET_GO])
+    assert ("is not published by a program without a node any more" in standing(robot)[1]) is bool(by)
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_a_program_whose_node_is_known_late_is_one_button(pressed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = with_estop(**TOPIC)
+    button = another(robot, "/button")
+    find = robot.near.publisher_endpoints
+    with monkeypatch.context() as patch:
+        patch.setattr(robot.near, "publisher_endpoints", lambda topic: [replace(end, node="") for end in find(topic)])
+        say(robot, 32, (button, pressed))
+    for state in (True, False):
+        say(robot, 5, (button, state))
+    assert robot.of(EstopReport)[-2:] == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
+def test_a_tool_presses_and_need_not_come_back() -> None:
+    robot = with_estop(**TOPIC)
+    button = another(robot, "/button")
+    say(robot, 3, (button, False))
+    tool = another(robot, "/_ros2cli_4711")
+    tool.publish({"data": True})
+    say(robot, 1, (button, False))
+    assert robot.of(EstopReport)[-1] == PRESSED and "has several publishers" in standing(robot)[1]
+    tool.home.close()
+    robot.run(robot.clock.now() + 2)
+    assert robot.of(EstopReport)[-1] == PRESSED, "until the button says its state"
+    say(robot, 1, (button, False))
+    assert robot.of(EstopReport)[-2:] == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
+def test_a_tool_does_not_let_go_of_a_button_whose_program_has_gone() -> None:
+    robot = with_estop(**TOPIC)
+    button = another(robot, "/button")
+    say(robot, 1, (button, True))
+    button.home.close()
+    say(robot, 2, (another(robot, "/_ros2cli_4711"), False))
+    assert robot.of(EstopReport) == [PRESSED]
+
+
 @pytest.mark.parametrize("gone", [True, False], ids=["whose program has gone", "that is found later"])
 def test_a_button_stays_pressed_over_a_new_connection(gone: bool) -> None:
     robot = with_estop(**TOPIC)

@@ -7,7 +7,8 @@ While the computer slept, nothing was heard: only *pressed* counts from before.
 
 A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
 with several publishers, or when one of them has gone, the state is not known. A program that is new has said nothing
-yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node.
+yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node. A hidden
+node is a tool, such as `ros2 topic pub`: it can press, and need not come back.
 
 One that was pressed stays pressed over a new connection, and for an engine that continues the session. That one does
 not know who had pressed it, so it has to hear it pressed before it lets it go. (A service's last request counts.)
@@ -65,6 +66,8 @@ class EstopInput:
         """Their publishers, by program and node."""
         self._known: Counter[str] = Counter(before._known if before is not None else ())
         """How many programs have to be there, by node."""
+        self._nameless: set[bytes] = set(before._nameless if before is not None else ())
+        """The programs whose node was never known. (It may be known a moment after its publisher.)"""
         self._ask_again = False
         """Whether a publisher that says only changes has to say again what is latched."""
         self._suspended = suspended_seconds()
@@ -113,8 +116,12 @@ class EstopInput:
             self._since = now
             self.pressed = self.pressed or None
         # A program that was killed is still shown for a while: two that stay longer than that are two buttons.
-        stay = Counter(node for program, node in self._ends if now > self._programs[program] + LEASE_SECONDS)
-        self._known |= stay | Counter({node for _, node in self._ends if node})
+        buttons = [each for each in self._ends if not each[1].rpartition("/")[2].startswith("_")]
+        stay = Counter(node for program, node in buttons if now > self._programs[program] + LEASE_SECONDS)
+        self._known |= stay | Counter({node for _, node in buttons if node or self.pressed})
+        self._nameless |= {program for program, node in self._ends if program and not node}
+        self._nameless -= {program for program, node in self._ends if node}
+        self._known[""] = min(self._known[""], len(self._nameless))
         return ends
 
     @property
