@@ -58,14 +58,14 @@ class Confirmations:
         self._console = console
         self._control_shown: object = None
         """Who had control, who asked for it, and what it would begin, when the question about control opened."""
-        self._stop_shown = 0
-        """The number of the stop that the question about the release is about."""
+        self._release_shown: tuple[int, object] = 0, None
+        """What the question about the release has said: about which stop, and which parts."""
 
     def ask_to_release(self) -> None:
         """Ask whether to release the stop or, if nothing is stopped, the held parts."""
         console = self._console
         stop = console.store.view.stop
-        self._stop_shown = stop.count
+        self._release_shown = self._release_facts()
         if not stop.latched and console.store.open_goals:
             self._ask_to_release_parts()
             return
@@ -88,15 +88,21 @@ class Confirmations:
         console.app.push_screen(dialog, lambda yes: self._release({}) if yes else None)
 
     def _release(self, rules: Mapping[str, str]) -> None:
-        self._console.send("releaseStop", release_behavior(rules, self._stop_shown))
+        self._console.send("releaseStop", release_behavior(rules, self._release_shown[0]))
 
     def _ask_to_release_parts(self) -> None:
         console = self._console
-        lines = [f"{goal.part} may still be doing {goal.type}: {goal.reason}." for goal in console.store.open_goals]
+        goals = console.store.open_goals
+        lines = [f"{goal.part} may still be doing {goal.type}: {goal.reason}." for goal in goals]
         lines.append("Look at the robot first. After this, it accepts new actions even while the old one still runs.")
         dialog = Dialog("Release the part?", lines, DialogChoice("r", "Release"), no="Keep it held")
         dialog.add_class("-release")
-        console.app.push_screen(dialog, lambda yes: console.send("releaseOpenGoals") if yes else None)
+
+        def release(yes: str | None) -> None:
+            for part in dict.fromkeys(goal.part for goal in goals) if yes else ():
+                console.send("releaseOpenGoals", part)
+
+        console.app.push_screen(dialog, release)
 
     def _ask_about_rules(self, lines: list[str], rules: list[InterruptedRule], keys: Sequence[str]) -> None:
         """Ask the same, and what should become of the rules that the stop ended."""
@@ -159,9 +165,17 @@ class Confirmations:
         self._withdraw("-release", "stopped again: the question about releasing the stop was closed")
 
     def close_outdated_release_question(self) -> None:
-        """Close the question about a stop that is no longer the last one: somebody else has stopped everything."""
-        if self._console.store.view.stop.count != self._stop_shown:
-            self.close_release_question()
+        """Close the question about the release when it is not so any more: the robot has answered, something has begun
+        or ended there, or somebody else has stopped everything or released it."""
+        if self._release_facts() != self._release_shown:
+            self._withdraw("-release", "what is stopped or held has just changed: the question about it was closed")
+
+    def _release_facts(self) -> tuple[int, object]:
+        """What the question about the release says: the number of the stop, and what is known of the robot."""
+        store = self._console.store
+        stop = store.view.stop
+        answer = stop.status, stop.confirmed, stop.unconfirmed, stop.unstoppable
+        return stop.count, answer if stop.latched else store.open_goals
 
     def close_outdated_control_question(self) -> None:
         """Close the question about control when somebody else now has it or asks for it, or it would begin something

@@ -130,6 +130,41 @@ async def test_what_still_runs_is_asked_to_stop_by_one_key_and_released_after_a_
         assert not it.client.asked()
         await it.shows(Dialog)
         await it.press("r")
-        await it.until(lambda: it.client.asked() == [("releaseOpenGoals", "")])
+        await it.until(lambda: it.client.asked() == [("releaseOpenGoals", "pepper/speech")])
         await it.press("ctrl+w")
         await it.sent("cancelOpenGoals", "")
+
+
+async def test_what_becomes_held_while_the_question_is_shown_is_not_released_unseen() -> None:
+    async with console(size=(80, 24)) as it:
+        it.client.emit(RobotRecord(0, 0.0, "", "degraded", "speech", (OPEN,)))
+        await it.until(lambda: "STILL RUNNING?" in it.bars.alarm_bar.text)
+        await it.press("ctrl+r")
+        await it.shows(Dialog)
+        gaze = OpenGoal("pepper/look_at", "4/1", "LookAt", "it refused to stop")
+        it.client.emit(RobotRecord(0, 0.0, "", "degraded", "both", (OPEN, gaze)))
+        await it.back()
+        assert "was closed" in it.notice
+        await it.press("r")
+        assert it.client.asked() == []
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        ("latched", (), ("pepper/speech (something was begun there after the stop)",)),
+        ("released",),
+    ],
+)
+async def test_the_question_goes_when_the_stop_is_not_any_more_what_it_says(answer: tuple[Any, ...]) -> None:
+    async with console(size=(80, 24)) as it:
+        stop(it)
+        await it.until(lambda: it.screen.session.store.view.stop.latched)
+        await it.pilot.pause(0.2)
+        await it.press("ctrl+r")
+        await it.shows(Dialog)
+        it.client.stop(*answer)
+        await it.back()
+        assert "was closed" in it.notice
+        await it.press("r")
+        assert it.client.asked() == []
