@@ -653,6 +653,21 @@ def test_an_error_that_lasts_neither_spins_nor_prolongs_what_another_part_does(
     assert len(caplog.records) == 1, "it is logged once"
 
 
+def test_two_errors_that_last_are_logged_once_each(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = Alone()
+    robot.run(7)
+    for kind in ("Speech", "LookAt"):
+
+        def fail(kind: str = kind) -> int:
+            raise RuntimeError(kind)
+
+        monkeypatch.setattr(robot.robot._endpoint_of[kind].client, "count_servers", fail)  # type: ignore[union-attr]
+    robot.run(67)
+    assert len(caplog.records) == 2
+
+
 @pytest.mark.parametrize("then", ["stop", "close"])
 def test_an_error_at_one_part_does_not_keep_another_from_being_asked_to_stop(
     then: str, monkeypatch: pytest.MonkeyPatch

@@ -54,6 +54,8 @@ UNKNOWN_GOAL = "unknown/"
 """What the name of a goal begins with that somebody else has begun; its id in hexadecimal digits follows."""
 MAX_REMEMBERED = 200
 """The number of goals that are kept to recognise late messages about them."""
+MAX_ERRORS = 20
+"""The number of different errors that are logged while some last."""
 FAREWELL_SECONDS = 0.5
 """Seconds for which a client that has just cancelled something stays open after `close`."""
 
@@ -80,8 +82,8 @@ class Ros2Robot:
         """The time of the next timer event."""
         self._went_well = True
         """Whether the last poll had no error. Otherwise goals may be due that could not be polled."""
-        self._last_error = ""
-        """The last error that was logged; empty: there has been a poll without one since."""
+        self._errors: set[str] = set()
+        """Errors that were logged; empty: there has been a poll without one since."""
         self._stop: StopAll | None = None
         self._reported: RobotHealth | None = None
         """The robot's state in the last report."""
@@ -379,7 +381,8 @@ class Ros2Robot:
         self._attempt(steps)
         self._attempt([goal.poll for goal in self._live.values()])
         self._attempt([self._report_standing])
-        self._last_error = "" if self._went_well else self._last_error
+        if self._went_well:
+            self._errors.clear()
         self._set_timer()
 
     def _attempt(self, steps: Iterable[Callable[[], object]]) -> None:
@@ -390,8 +393,8 @@ class Ros2Robot:
                 step()
             except Exception as error:
                 self._went_well = False
-                if repr(error) != self._last_error:
-                    self._last_error = repr(error)
+                if repr(error) not in self._errors and len(self._errors) < MAX_ERRORS:
+                    self._errors.add(repr(error))
                     _LOG.exception("a part of the robot could not be asked or told")
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
