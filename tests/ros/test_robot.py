@@ -576,7 +576,8 @@ def test_an_error_of_the_middleware_hinders_neither_a_stop_nor_what_comes_after_
     assert robot.of(RobotChanged)[-1].status == "lost"
 
 
-def test_an_open_goal_is_not_forgotten_because_a_twin_that_has_just_come_does_not_know_it() -> None:
+@pytest.mark.parametrize("leaves", [False, True], ids=["it stays", "it leaves before the next look"])
+def test_an_open_goal_is_not_forgotten_because_a_twin_that_has_just_come_does_not_know_it(leaves: bool) -> None:
     robot = Alone(Plan(seconds=600, cancel="refuse"))
     robot.run(1)
     robot.start()
@@ -586,8 +587,13 @@ def test_an_open_goal_is_not_forgotten_because_a_twin_that_has_just_come_does_no
     twin = MemoryTransport(robot.wire, robot.loop, "/twin")
     BadServer(twin, SPEECH, TYPES[SPEECH], robot.loop.call_later)
     robot.robot.cancel_open_goals("")  # before the next look finds the twin
+    robot.run(12.02)
+    if leaves:
+        twin.close()
+    asked = len(robot.servers[SPEECH].cancels)
     robot.run(20)
     assert robot.of(RobotChanged)[-1].open and robot.servers[SPEECH].running()
+    assert len(robot.servers[SPEECH].cancels) > asked, "it is asked again"
 
 
 def test_what_runs_is_not_over_because_a_twin_that_has_just_come_does_not_know_it() -> None:

@@ -410,18 +410,22 @@ class ActionGoal:
         """Note that the server does not know the goal. Returns whether it is over because of that. `servers`: those of
         that time."""
         presence = self.endpoint.presence
-        if presence.count != 1 or presence.changes != servers or self.endpoint.client.count_servers() != 1:
-            return False  # another server may have it, perhaps one that no poll has found yet
+        if presence.count != 1 or presence.changes != servers or not self._are_all_found():
+            return False  # another server may have it
         self._disowned_by = servers
         programs = self.endpoint.comparison.programs
         was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
         return self._accepted is not None or was_replaced
 
+    def _are_all_found(self) -> bool:
+        """Whether the last look has found the servers that are there now."""
+        return self.endpoint.client.count_servers() == self.endpoint.presence.count
+
     def _take_unknown_goal(self, servers: int) -> None:
         """The server does not know the goal: it was restarted, or keeps no results. In the second case its status topic
         reports the ending, perhaps a moment later."""
         presence = self.endpoint.presence
-        if presence.changes != servers or self.endpoint.client.count_servers() != presence.count:
+        if presence.changes != servers or not self._are_all_found():
             return  # those that are there now have been asked since, or are when the next look has found them
         if self._result.finished_as != UNKNOWN:
             self._end_discarded()
@@ -485,7 +489,7 @@ class ActionGoal:
                     self._ask_result()
             elif self._note_unknown(servers):
                 self._mark_over()
-            elif self.endpoint.presence.changes == servers:
+            elif self.endpoint.presence.changes == servers and self._are_all_found():
                 self.cancellation.pause()  # until it answers, or other servers appear (`on_server_changed`)
         elif self.phase == "running":
             self.cancellation.pause()
