@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.robot.estop_input import SERVICE_TYPE
-from rise_adapters.ros2.transport.port import RELIABLE, STATUS, QoS, RemoteEndpoint
+from rise_adapters.ros2.transport.port import RELIABLE, STATUS, PortError, QoS, RemoteEndpoint
 
 from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged
@@ -258,6 +258,26 @@ def test_a_button_stays_pressed_over_a_new_connection(gone: bool) -> None:
     robot.wire.heal("/button")
     say(robot, 1, (other, False))
     assert robot.of(EstopReport) == [PRESSED]
+
+
+def test_a_button_is_heard_over_a_new_connection_on_which_a_part_of_the_robot_fails(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = with_estop(**TOPIC)
+    button = another(robot, "/button")
+    say(robot, 1, (button, False))
+    robot.near.break_down("the context was shut down")
+    robot.run(5)
+    again = MemoryTransport(robot.wire, robot.loop, "/engine_again")
+
+    def fail(*arguments: object) -> None:
+        raise PortError("its type is not there")
+
+    monkeypatch.setattr(again, "client", fail)
+    with pytest.raises(PortError):
+        robot.robot.switch_transport(again)
+    say(robot, 1, (button, True))
+    assert robot.of(EstopReport)[-1] == PRESSED
 
 
 def test_a_button_is_let_go_over_a_new_connection() -> None:

@@ -291,11 +291,11 @@ class Ros2Robot:
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
         self._transport = transport
+        self._open_estop()  # first: whatever fails there, the button is heard
         for endpoint in self._endpoints:
             endpoint.move_to(transport)
         if self._stop is not None:  # what is found there is asked, too
             self.stop_all()
-        self._open_estop()
         self._poll()
 
     # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
