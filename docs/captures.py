@@ -30,10 +30,10 @@ from rise_engine.study.study_toml import load_study
 from rise_tui.cli.study_folder import open_study
 from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
-from rise_tui.editor.app import EditApp
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.rule_page import RulePage
+from rise_tui.editor.screen import EditApp
 from rise_tui.editor.study import EditedStudy, NoSessions
 
 IMAGES = Path(__file__).parent / "images"

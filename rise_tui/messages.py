@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from textual.message import Message
 
-from rise_tui.model.key_action import KeyAction
+from rise_tui.model.control import KeyAction
 
 
 @dataclass

@@ -1,14 +1,24 @@
-"""Decides which keys the editor takes, and when: keys after one that opens a field go into that field."""
+"""Which keys are text, and which keys the editor takes when: keys after one that opens a field go into that field."""
 
 from __future__ import annotations
 
 from textual import events
 from textual.app import App
+from textual.widgets import Input
 
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import keys_of
 from rise_tui.rendering.terminal_driver import read_first
-from rise_tui.rendering.typing_fields import takes_text
+
+
+class TakesText:
+    """Mixed into text fields other than `Input`."""
+
+
+def takes_text(widget: object) -> bool:
+    """Whether letters that are typed or pasted into the widget are text."""
+    return isinstance(widget, Input | TakesText)
+
 
 EDITOR = "-editor"
 """The class of the editor's screen. The console recognises it without importing the editor."""

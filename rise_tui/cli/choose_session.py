@@ -1,20 +1,80 @@
-"""Asks on the plain terminal which session to attach to, and what to do about an unfinished one.
+"""The plain terminal, before any screen: login, progress, which session to attach to, what about an unfinished one.
 
-Pure except for the `Prompter` that is passed in. Knows neither sockets nor Textual.
+Knows neither sockets nor Textual.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from getpass import getuser
+from typing import Final, Protocol
 
-from rise_engine.base.exit_status import OK
+import click
+
+from rise_engine.base.exit_status import OK, USAGE
+from rise_engine.cli.terminal import Refused
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.terminal import not_started
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.model.notice import short_name
 from rise_tui.rendering.text import clean, format_age, wrap
+
+
+class PlainTerminal:
+    """Implements `rise_tui.cli.choose_session.Prompter`."""
+
+    @property
+    def interactive(self) -> bool:
+        """Whether the program can ask somebody."""
+        return sys.stdin.isatty() and sys.stdout.isatty()
+
+    def print_line(self, line: str) -> None:
+        """Write a line."""
+        click.echo(line)
+
+    def read_answer(self, question: str) -> str | None:
+        """The answer, or None when nobody answers any more."""
+        try:
+            return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
+        except click.Abort:
+            click.echo("")
+            return None
+
+
+class ProgressLine:
+    """The progress of an engine that is still starting, on one line of the terminal that is overwritten."""
+
+    def __init__(self) -> None:
+        self._is_shown = False
+
+    def overwrite(self, sentence: str) -> None:
+        """Overwrite the line with this sentence."""
+        self._is_shown = True
+        click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._is_shown:
+            click.echo("\r\x1b[2K", nl=False)
+
+
+UNNAMED: Final = {"wizard": "wizard", "observer": "observer"}
+"""The name in a real session's record when nobody gave one. A login is often a person's name."""
+
+
+def login_name() -> str:
+    """The user's login, or `wizard` if the system knows none."""
+    try:
+        return getuser()
+    except (KeyError, OSError):
+        return "wizard"
+
+
+def not_started(*lines: str, status: int = USAGE) -> Refused:
+    """The error that ends the program before it starts or attaches to anything; the lines say why."""
+    return Refused(status=status, findings=lines)
+
 
 NOT_OFFERED_AGAIN = "The earlier record stays as it is, and is not offered again."
 OFFERED_AGAIN = "What did not end stays as it is, and can be recovered later."

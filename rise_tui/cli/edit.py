@@ -21,8 +21,8 @@ from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
+from rise_tui.cli.choose_session import PlainTerminal
 from rise_tui.cli.options import KEYS, MOUSE, THEME
-from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.display import (
     USUAL_FRAMES,
     DisplayOptions,
@@ -120,10 +120,9 @@ def _run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | N
     """Run the editor until the user leaves it; returns the exit status."""
     from rise_tui.config.key_file import read_keys  # all of these bring Textual
     from rise_tui.config.keymap import how_to_fix
-    from rise_tui.editor.app import EditApp
-    from rise_tui.editor.exploring import explore_saved
     from rise_tui.editor.model.draft import draft_of
-    from rise_tui.editor.study import EditedStudy
+    from rise_tui.editor.screen import EditApp
+    from rise_tui.editor.study import EditedStudy, explore_saved
 
     keys = read_keys(key_file) if key_file is not None else None
     if keys is not None and keys.problems:

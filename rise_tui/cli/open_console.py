@@ -22,10 +22,9 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import find_session
 from rise_engine.session.shadow import unfinished_shadow
 from rise_engine.study.traces import study_of_session
-from rise_tui.cli.choose_session import Prompter
+from rise_tui.cli.choose_session import UNNAMED, Prompter, login_name, not_started
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.study_folder import find_study, open_study
-from rise_tui.cli.terminal import UNNAMED, login_name, not_started
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice

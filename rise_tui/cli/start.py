@@ -26,9 +26,8 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineProcess, EngineRefused, start_engine
 from rise_engine.session.folder import find_session, find_unfinished, participant_text, running_sessions
 from rise_tui.cli import choose_session
-from rise_tui.cli.choose_session import Prompter
+from rise_tui.cli.choose_session import PlainTerminal, ProgressLine, Prompter, login_name, not_started
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, not_started
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
 from rise_tui.config.paths import PREFERENCES_NAME, expand_home, key_file_path, state_folder

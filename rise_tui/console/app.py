@@ -25,10 +25,10 @@ from rise_tui.config.keymap import KeyFile, how_to_fix, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudySource
-from rise_tui.console import exit_dialogs, overlays
+from rise_tui.console import overlays, questions
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
-from rise_tui.console.study_day import StudyDay
+from rise_tui.console.study_dialogs import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
 from rise_tui.key_labels import use_own_keys, why_blocked
@@ -36,10 +36,10 @@ from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
-from rise_tui.rendering.typing_fields import takes_text
-from rise_tui.screens.outcome import end_session_dialog
-from rise_tui.screens.report import ReportScreen
+from rise_tui.screens.reading import ReportScreen
+from rise_tui.screens.session_forms import end_session_dialog
 from rise_tui.screens.settings import SettingsScreen
+from rise_tui.typed_ahead import takes_text
 
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
 """Keys that count even among others that came in one piece."""
@@ -300,7 +300,7 @@ class ConsoleApp(TerminalApp):
     async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
         """Detach, or end the session. `late`: the engine did not confirm in time. `refused`: this console may not end
         it."""
-        patience = exit_dialogs.end_patience(session.store) if end else DETACH_PATIENCE
+        patience = questions.end_patience(session.store) if end else DETACH_PATIENCE
         try:
             await asyncio.wait_for(session.close(end_session=end), patience)
         except EngineGone:
@@ -353,7 +353,7 @@ class ConsoleApp(TerminalApp):
         session = self._session
         asks = self.screen is not self.study_screen and not isinstance(self.screen, ReportScreen)
         if session is None and self.study_screen is not None and asks:
-            question = exit_dialogs.leave_study_dialog()
+            question = questions.leave_study_dialog()
             question.add_class("-quit")
             self.push_screen(question, self._leave_study)
             return
@@ -366,11 +366,11 @@ class ConsoleApp(TerminalApp):
             return
         in_study = self._day.has(session)
         if session.store.attach_reply.shadow:
-            dialog = exit_dialogs.leave_shadow_dialog(session.store)
+            dialog = questions.leave_shadow_dialog(session.store)
         elif recoverable:
-            dialog = exit_dialogs.engine_gone_dialog(session.store, in_study=in_study)
+            dialog = questions.engine_gone_dialog(session.store, in_study=in_study)
         else:
-            dialog = exit_dialogs.leave_dialog(session.store)
+            dialog = questions.leave_dialog(session.store)
         dialog.add_class("-quit")
 
         def carry_out(key: str | None) -> None:
@@ -380,9 +380,9 @@ class ConsoleApp(TerminalApp):
                 self.run_worker(self._leave_and_exit(0))
             elif key == "b":
                 self.run_worker(self._back_to_study(session), exclusive=True, group="restart")
-            elif key == exit_dialogs.END_KEY and in_study:
+            elif key == questions.END_KEY and in_study:
                 self.run_worker(self._end_session_of_study(session), exclusive=True, group="end")
-            elif key == exit_dialogs.END_KEY:
+            elif key == questions.END_KEY:
                 self._confirm_end(session)
 
         self.push_screen(dialog, carry_out)
@@ -444,12 +444,12 @@ class ConsoleApp(TerminalApp):
             return
         self._is_leaving = True
         if self._session is not None:
-            patience = exit_dialogs.end_patience(self._session.store)
+            patience = questions.end_patience(self._session.store)
             closed = await self._leave_session(self._session, end=end)
             if closed == "refused":
                 self._is_leaving = False
                 return
-            self.exit_message = exit_dialogs.exit_message(
+            self.exit_message = questions.exit_message(
                 self._session.store, end=end, in_time=closed == "done", patience=patience, signal_name=signal_name
             )
             if end and self._session.store.end_unrecorded:
@@ -458,6 +458,6 @@ class ConsoleApp(TerminalApp):
                 code = STILL_RUNNING
         elif self._day.source is not None:
             busy = self.study_screen.busy if self.study_screen is not None else ""
-            self.exit_message = exit_dialogs.study_exit_message(self._day.source.folder, busy, signal_name)
+            self.exit_message = questions.study_exit_message(self._day.source.folder, busy, signal_name)
         self._save_ui_state(at_once=True)
         self.exit(return_code=code)

@@ -1,10 +1,15 @@
-"""The bars above and below the panes, and the part of the store that each of them shows."""
+"""The bars around the panes, and when to repaint what.
+
+Soon, never faster than a terminal can take, and only what differs (console.md 8.2).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from time import monotonic
 
 from textual.geometry import Size
+from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Input
 
@@ -12,11 +17,22 @@ from rise_tui.actions import BY_ID, ConsoleAction, actions_in
 from rise_tui.console.layout import Layout
 from rise_tui.key_labels import why_blocked, why_unavailable
 from rise_tui.model.control import LOCKED_ACTIONS
-from rise_tui.model.store import Store
-from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar, ShadowBar
-from rise_tui.widgets.bars import KeyHints, KeyStrip, NoticeLine, SpeechBand, StatusLine
-from rise_tui.widgets.mistake_line import MistakeLine
-from rise_tui.widgets.prompt_bar import NoteLine
+from rise_tui.model.cue import counts_tenths
+from rise_tui.model.notice import Notice
+from rise_tui.model.speech_band import changes_by_tenths
+from rise_tui.model.store import Store, StorePart
+from rise_tui.widgets.bars import (
+    AlarmBar,
+    AttentionBar,
+    FailureBar,
+    KeyHints,
+    KeyStrip,
+    NoticeLine,
+    ShadowBar,
+    SpeechBand,
+    StatusLine,
+)
+from rise_tui.widgets.fields import MistakeLine, NoteLine
 from rise_tui.widgets.speech_input import SpeechField, SpeechInput
 
 COMMON_ACTIONS = (
@@ -96,3 +112,167 @@ class ConsoleBars:
             yield BY_ID["safe"]
         if not why_unavailable(BY_ID["control"], store) and (store.asker or not store.has_control):
             yield BY_ID["control"]
+
+
+FRAME_SECONDS = 1 / 15
+"""Seconds between two repaints while records pour in."""
+PAINTING_SHARE = 1 / 8
+"""The largest share of time for painting while records pour in, however slow painting is."""
+LONGEST_PAUSE_SECONDS = 0.5
+"""The longest pause, whatever the last frame took: on a busy machine, other programs may have taken the time."""
+NOTICE_SECONDS = 12.0
+NOTICE_LEAST_SECONDS = 1.0
+"""A notice stays at least this long, whatever the wizard presses."""
+TENTH_SECONDS = 0.1
+"""Seconds between two updates of the time since the cue, while it is counted."""
+
+
+class RefreshScheduler:
+    """The rhythm in which bars and panes follow the store."""
+
+    def __init__(
+        self,
+        store: Store,
+        panes: Layout,
+        bars: ConsoleBars,
+        set_timer: Callable[[float, Callable[[], None]], Timer],
+    ) -> None:
+        self._store, self._panes, self._bars, self._set_timer = store, panes, bars, set_timer
+        self._dirty: set[StorePart] = set()
+        self._frame: Timer | None = None
+        self._cue_timer: Timer | None = None
+        self._spent = 0.0
+        """Seconds that drawing the latest frame took."""
+        self._painted = 0.0
+        """When that was, on the monotonic clock."""
+        self._notice: Notice | None = None
+        """The notice that is shown, and since when, on the monotonic clock."""
+        self._notice_at = 0.0
+        self._control_lost_at = 0.0
+        """Since when the line about lost control is shown, on the monotonic clock; 0 while it is not."""
+        self._has_rows = False, False
+        """Whether the log and the memory had rows when the hints were last drawn."""
+        self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
+            (frozenset({"status", "stop", "cue"}), self._draw_status),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.speech_band.draw),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.key_strip.draw),
+            (frozenset({"status", "cue"}), bars.shadow_bar.draw),
+            (frozenset({"status", "stop"}), self._draw_alarms),
+            (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.failure_bar.draw),
+            (frozenset({"notice", "cue", "acts"}), self._draw_notice),
+        )
+        """The parts of the store that each bar shows."""
+
+    def schedule(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
+        """Paint changed parts of the store soon."""
+        self._dirty |= parts
+        if self._frame is None and self._panes.is_mounted:
+            pause = max(FRAME_SECONDS, min(self._spent / PAINTING_SHARE, LONGEST_PAUSE_SECONDS))
+            self._frame = self._set_timer(max(0.001, self._painted + pause - monotonic()), self._paint)
+
+    def repaint_panes(self, *names: str) -> None:
+        """Paint those of these panes that are visible immediately."""
+        for pane in self._panes.visible_panes():
+            if pane.SCOPE in names:
+                pane.repaint()
+
+    def draw_all(self) -> None:
+        """Draw every bar, changed or not."""
+        for _, draw in self._draw_by_parts:
+            draw()
+        self._bars.draw_open_lines()
+        self._bars.draw_hints()
+
+    # --- updates by the clock ---------------------------------------------------------------------------------------
+
+    def draw_every_second(self) -> None:
+        """Draw what changes with the clock, once a second."""
+        bars, store = self._bars, self._store
+        bars.status_line.draw()
+        bars.speech_band.draw()
+        bars.speech_input.draw()
+        if store.cut_since is not None or store.silent_seconds or bars.alarm_bar.counts:
+            bars.alarm_bar.draw()
+        if store.view.repeats:
+            bars.failure_bar.draw()
+        self.repaint_panes("memory")
+        if self._notice is not None and monotonic() - self._notice_at > NOTICE_SECONDS:
+            self.clear_notice()
+
+    def draw_every_half_second(self) -> None:
+        """Draw running times twice a second, while something runs or waits."""
+        view, bars = self._store.view, self._bars
+        if (view.running or view.waiting) and not self._store.gone_reason:
+            self.repaint_panes("acts", "act", "scheduler")
+            bars.speech_input.draw()
+        if changes_by_tenths(self._store):
+            bars.speech_band.draw()
+
+    def _draw_every_tenth(self) -> None:
+        """Draw ten times a second, while somebody waits for an answer."""
+        self._cue_timer = None
+        self._draw_status()
+        self._draw_notice()
+
+    def _draw_in_a_tenth(self) -> None:
+        """Draw again in a tenth of a second if a cue is counted."""
+        store = self._store
+        counts = counts_tenths(store.cue_clock, store.now()) and not store.gone_reason and store.cut_since is None
+        if counts and self._cue_timer is None:
+            self._cue_timer = self._set_timer(TENTH_SECONDS, self._draw_every_tenth)
+
+    # --- notices ------------------------------------------------------------------------------------------------------
+
+    def dismiss_read_notices(self) -> None:
+        """Dismiss the notices that the wizard has read: the next key counts as reading, also for the line about lost
+        control.
+
+        They go with the next frame, because the key's own effect comes first.
+        """
+        store = self._store
+        lost = store.control_lost is not None and self._control_lost_at
+        if lost and monotonic() - self._control_lost_at > NOTICE_LEAST_SECONDS:
+            store.control_lost, self._control_lost_at = None, 0.0
+            self.schedule({"status"})
+        shown = self._notice is not None and self._notice is store.notice and self._bars.notice_line.display
+        if shown and monotonic() - self._notice_at > NOTICE_LEAST_SECONDS:
+            store.notice = None
+            self.schedule({"notice"})
+
+    def clear_notice(self) -> None:
+        self._store.notice = None
+        self._draw_notice()
+
+    # --- frames -------------------------------------------------------------------------------------------------------
+
+    def _paint(self) -> None:
+        self._painted = monotonic()
+        self._frame = None
+        dirty, self._dirty = self._dirty, set()
+        for pane in self._panes.visible_panes():
+            if pane.is_affected_by(dirty):
+                pane.repaint()
+        for parts, draw in self._draw_by_parts:
+            if dirty & parts:
+                draw()
+        if dirty & {"acts", "status", "stop"} or (self._bars.is_typing and dirty & {"tasks", "memory"}):
+            self._bars.draw_open_lines()
+        has_rows = bool(self._store.log.all), bool(self._store.view.memory)  # some actions need rows
+        if dirty & {"acts", "status", "stop"} or has_rows != self._has_rows:
+            self._has_rows = has_rows
+            self._bars.draw_hints()
+        self._spent = monotonic() - self._painted
+
+    def _draw_status(self) -> None:
+        self._bars.status_line.draw()
+        self._draw_in_a_tenth()
+
+    def _draw_alarms(self) -> None:
+        self._control_lost_at = (self._control_lost_at or monotonic()) if self._store.control_lost is not None else 0.0
+        self._bars.alarm_bar.draw()
+        self._bars.attention_bar.draw()
+
+    def _draw_notice(self) -> None:
+        if self._store.notice is not self._notice:
+            self._notice, self._notice_at = self._store.notice, monotonic()
+        self._bars.notice_line.draw()

@@ -17,15 +17,18 @@ from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
 from rise_tui.model.control import (
+    HELD_KEY_SECONDS,
     LOCKED_ACTIONS,
     STARTING_FUNCTIONS,
     InputMode,
+    KeyAction,
+    action_of_key,
     mode_notice,
+    start_action,
     toggle_lock,
     toggle_safe,
 )
 from rise_tui.model.failures import is_question, newest_markable, unanswered_failures
-from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key, start_action
 from rise_tui.model.notice import Level, task_label
 from rise_tui.model.store import Store
 

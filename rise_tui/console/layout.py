@@ -10,13 +10,12 @@ from textual.app import ComposeResult
 from textual.containers import Container, Vertical
 
 from rise_tui.model.store import Store
-from rise_tui.panes.act import ActPane
 from rise_tui.panes.log import LogPane
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.panes.pane import Pane
 from rise_tui.panes.rule import RulePane
-from rise_tui.panes.scheduler import SchedulerPane
 from rise_tui.panes.start_lists import ActsPane, RulesPane
+from rise_tui.panes.tasks import ActPane, SchedulerPane
 
 LayoutKind = Literal["one", "two", "all"]
 

@@ -12,15 +12,14 @@ from textual.geometry import Region
 from textual.screen import Screen
 
 from rise_tui.actions import KeyScope
-from rise_tui.console.confirmations import ConsoleHost
 from rise_tui.console.layout import Layout
+from rise_tui.console.questions import ConsoleHost
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
 from rise_tui.screens.help import HelpScreen, help_entries
-from rise_tui.screens.jump import LETTERS, JumpScreen, TitleLabels, label_line
 from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
-from rise_tui.screens.tour import TourScreen
+from rise_tui.screens.tour import LETTERS, JumpScreen, TitleLabels, TourScreen, label_line
 from rise_tui.typed_ahead import is_editing
 from rise_tui.widgets.flash import Flash
 

@@ -16,11 +16,10 @@ from textual.widgets import Input
 from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
-from rise_tui.console.bars import ConsoleBars
-from rise_tui.console.confirmations import Confirmations
+from rise_tui.console.bars import ConsoleBars, RefreshScheduler
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
-from rise_tui.console.refresh import RefreshScheduler
+from rise_tui.console.questions import Confirmations
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import (
@@ -33,16 +32,14 @@ from rise_tui.messages import (
     ShowSelection,
     SubmitTask,
 )
-from rise_tui.model.key_action import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
+from rise_tui.model.control import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
-from rise_tui.rendering.typing_fields import takes_text
 from rise_tui.screens.palette import open_palette
 from rise_tui.screens.tour import is_tour_due
-from rise_tui.typed_ahead import is_editing
-from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
-from rise_tui.widgets.prompt_bar import NoteLine
+from rise_tui.typed_ahead import is_editing, takes_text
+from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
 

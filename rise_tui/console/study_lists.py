@@ -21,7 +21,7 @@ from rise_tui.model.study_rows import (
     rehearsal_rows,
 )
 from rise_tui.rendering.text import ListRow
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.study_bars import SubHead

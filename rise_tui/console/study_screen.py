@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-from textual import on
+from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.message import Message
@@ -45,13 +45,12 @@ from rise_tui.model.study_rows import (
     running_people,
     running_rehearsal,
 )
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.help import HelpScreen, study_help_entries
-from rise_tui.screens.outcome import Outcome
 from rise_tui.screens.palette import open_palette, study_commands
-from rise_tui.screens.report import ReportOf, ReportScreen
+from rise_tui.screens.reading import ReportOf, ReportScreen
+from rise_tui.screens.session_forms import Outcome
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
@@ -131,11 +130,9 @@ class StudyScreen(Screen[None]):
 
     # --- reading ----------------------------------------------------------------------------------------------------
 
-    def read(self) -> None:
+    @work(group="read", exclusive=True)
+    async def read(self) -> None:
         """Read the study now."""
-        self.run_worker(Later(self._read), group="read", exclusive=True)
-
-    async def _read(self) -> None:
         fingerprint = await asyncio.to_thread(self._source.fingerprint)
         self.loaded = await asyncio.to_thread(self._source.load)
         self._fingerprint, self.is_read = fingerprint, True
@@ -158,11 +155,12 @@ class StudyScreen(Screen[None]):
     def _watch(self) -> None:
         """Look for changes, while nothing covers this screen."""
         if self.app.screen is self and not self.busy:
-            self.run_worker(Later(self._read_if_changed), group="watch", exclusive=True)
+            self._read_if_changed()
 
+    @work(group="watch", exclusive=True)
     async def _read_if_changed(self) -> None:
         if await asyncio.to_thread(self._source.fingerprint) != self._fingerprint:
-            await self._read()
+            self.read()
 
     def come_back(self, sentence: str = "", participant: str = "") -> None:
         """Show the result of a session that has ended, and go on to the next participant or the named one."""

@@ -13,8 +13,17 @@ from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
 from rise_engine.author.edit.plan import EditRefused
 from rise_tui.editor.form import FormPage
-from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters
-from rise_tui.editor.model.act_rows import act_seconds, action_rows, action_type, file_lines, scale_line, what_text
+from rise_tui.editor.model.acts import (
+    act_choices,
+    act_seconds,
+    action_fields,
+    action_rows,
+    action_type,
+    file_lines,
+    new_action_parameters,
+    scale_line,
+    what_text,
+)
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.fields import EditField
 from rise_tui.editor.model.study_rows import keys_by_name, setting_notes, used_lines, wrong_files

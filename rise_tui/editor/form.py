@@ -12,7 +12,7 @@ from textual.suggester import Suggester
 from textual.widgets import Input
 
 from rise_engine.author.edit.plan import EditRefused
-from rise_tui.editor.model.condition_reading import suggest_ending
+from rise_tui.editor.dialogs import Picked, PickList
 from rise_tui.editor.model.fields import (
     EditField,
     FieldChoice,
@@ -25,10 +25,10 @@ from rise_tui.editor.model.fields import (
     info,
     note_lines,
 )
+from rise_tui.editor.model.study_names import suggest_ending
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.editor.pick_list import Picked, PickList
 from rise_tui.rendering.text import crop, line_width
-from rise_tui.widgets.prompt_bar import TextField
+from rise_tui.widgets.fields import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 

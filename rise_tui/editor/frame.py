@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
+from textual import work
 from textual.app import App
 from textual.screen import Screen
 
@@ -22,13 +23,11 @@ from rise_engine.author.edit.workspace import Change
 from rise_engine.base.text import clean, pluralize
 from rise_tui.editor import dialogs
 from rise_tui.editor.dialogs import SaveDialog
-from rise_tui.editor.exploring import Explorer, ExploringBeside
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, is_study_alone
 from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.page import EditPage
-from rise_tui.editor.study import EditedStudy, NoSessions, RunningHere, SessionWatch
+from rise_tui.editor.study import EditedStudy, Explorer, ExploringBeside, NoSessions, RunningHere, SessionWatch
 from rise_tui.model.notice import Level
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.typed_ahead import EDITOR
@@ -232,18 +231,16 @@ class StudyFrame(Screen[None]):
     def _watch(self) -> None:
         """Look for outside changes to files and for a new session, while nothing is being typed."""
         if self.app.screen is self and not self.study.busy and not self.page.is_typing:
-            self.run_worker(Later(self._look), group="watch", exclusive=True)
+            self.look_outside()
 
-    async def _look(self) -> None:
+    @work(group="watch", exclusive=True)
+    async def look_outside(self) -> None:
+        """Look for changed files and for a new session now."""
         found = await asyncio.to_thread(self._sessions.find, Path(self.study.draft.folder))
         if found != self.running:
             self.running = found
             self.draw_bars()
         await self._look_outside(settled=True)
-
-    def look_outside(self) -> None:
-        """Look for changed files now."""
-        self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look_outside(self, *, settled: bool = False) -> bool:
         """Read what somebody else has written. True: the author must decide which version stays."""

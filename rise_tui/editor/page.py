@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Protocol
 
-from textual import events
+from textual import events, work
 from textual.containers import Vertical
 from textual.widget import Widget
 
@@ -22,7 +22,6 @@ from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.model.fields import FieldChoice, FieldNote, note_of
 from rise_tui.editor.study import EditedStudy
 from rise_tui.model.notice import Level
-from rise_tui.rendering.later import Later
 
 TURNS = {"left": -1, "right": 1}
 PAINTED = 0.02
@@ -171,11 +170,9 @@ class EditPage(Vertical):
         """Make edits as one step, as the frame does."""
         self.frame.make(*edits, then=then)
 
-    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+    @work(group="preview", exclusive=True)
+    async def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """While something is typed: `say` what would be newly wrong with the study."""
-        self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)
-
-    async def _preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         await asyncio.sleep(PAINTED)
         if self.is_typing:
             say(*self.new_findings(edits))

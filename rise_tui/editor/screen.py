@@ -13,28 +13,30 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
 
+from rise_tui import typed_ahead
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
+from rise_tui.config.keymap import KeyFile, textual_keymap
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editor.data_pages import KeysPage, MemoryPage, SettingsPage
-from rise_tui.editor.dialogs import choose_finding
-from rise_tui.editor.exploring import Explorer
+from rise_tui.editor.dialogs import AskText, Picked, PickList, choose_finding
 from rise_tui.editor.frame import StudyFrame
 from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.page import EditPage
-from rise_tui.editor.pick_list import AskText, Picked, PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.study import EditedStudy, SessionWatch
+from rise_tui.editor.study import EditedStudy, Explorer, SessionWatch
 from rise_tui.editor.study_page import StudyPage
 from rise_tui.editor.tables_page import TablesPage
 from rise_tui.editor.texts_page import TextsPage
+from rise_tui.key_labels import use_own_keys
 from rise_tui.messages import RunAction
+from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.help import HelpScreen, edit_help_entries
 from rise_tui.screens.palette import edit_commands, open_palette
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -267,3 +269,58 @@ class EditScreen(StudyFrame):
             self.close_page()
         else:
             self.ask_to_leave()
+
+
+class EditApp(TerminalApp):
+    """Shows the editor of one study until the author leaves it."""
+
+    TITLE = "RISE"
+    ENABLE_COMMAND_PALETTE = False
+    ALLOW_SELECT = False
+    BINDINGS = bindings_in("everywhere")
+    CSS = themes.CSS
+
+    def __init__(
+        self,
+        study: EditedStudy,
+        *,
+        sessions: SessionWatch,
+        theme: str = themes.DEFAULT,
+        keys: KeyFile | None = None,
+        notice: str = "",
+        explorer: Explorer | None = None,
+    ) -> None:
+        """`explorer`: as for `EditScreen`."""
+        super().__init__()
+        self.animation_level = "none"
+        for known in themes.THEMES:
+            self.register_theme(known)
+        self.theme = themes.full_name(theme)
+        keys = keys or KeyFile()
+        use_own_keys(keys.keys)
+        self.set_keymap(textual_keymap(keys))
+        self.edit_screen = EditScreen(study, sessions=sessions, notice=notice, explorer=explorer)
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        return themes.DARK.variables
+
+    async def on_mount(self) -> None:
+        await self.push_screen(self.edit_screen, lambda _: self.exit())
+
+    def waits_for_keys(self, event: events.Key) -> bool:
+        return typed_ahead.waits(self, event)
+
+    def admits(self, event: events.Event) -> bool:
+        return typed_ahead.admits(self, event)
+
+    def action_do(self, action: str) -> None:
+        if action == "stop":
+            self.edit_screen.stop_pressed()
+        elif action == "quit":
+            self.run_worker(self.action_quit())
+
+    async def action_quit(self) -> None:
+        if self.screen is self.edit_screen:
+            self.edit_screen.ask_to_leave()
+        else:
+            self.exit()

@@ -13,7 +13,7 @@ from textual.widget import Widget
 from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.scenario.loader import LoadResult
-from rise_tui.editor.model.act_rows import action_with
+from rise_tui.editor.model.acts import action_with
 from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import (

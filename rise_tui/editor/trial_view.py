@@ -31,9 +31,9 @@ from rise_tui.editor.model.trial_rows import (
     standing_of,
     trial_rows,
 )
-from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
+from rise_tui.model.states import HERE, GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 

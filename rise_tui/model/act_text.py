@@ -14,7 +14,7 @@ from rise_engine.scenario.speech.spoken import MESSAGE
 from rise_engine.scenario.speech.ssml import plain_words
 from rise_engine.scenario.speech.template import MissingValueError, Template, spoken_text
 from rise_tui.model.log_text import field_lines
-from rise_tui.model.robot_speech import estimate_action_seconds
+from rise_tui.model.speech import estimate_action_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (

@@ -15,7 +15,7 @@ from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, 
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.control import KeyNames, blocked_text
 from rise_tui.model.notice import act_label, completion_message, short_name, task_label
-from rise_tui.model.robot_speech import message_of, words_of
+from rise_tui.model.speech import message_of, words_of
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
 

@@ -13,7 +13,7 @@ from rise_engine.author.drawing.rule_text import functions_in, wait_text
 from rise_engine.kernel.behaviors import Resumption, describe_behavior
 from rise_engine.scenario.model import Function, Rule, Scenario, State, normal_topic
 from rise_tui.model.failures import fill_known
-from rise_tui.model.robot_speech import message_of
+from rise_tui.model.speech import message_of
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import cell_width, clean, format_value, shorten
 

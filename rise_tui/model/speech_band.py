@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from rise_engine.author.drawing.study_keys import RULE, key_title, short_title
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.control import KeyNames
-from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, remaining_sentences
+from rise_tui.model.speech import CurrentSentence, longest_sentence, remaining_sentences
 from rise_tui.model.store import Store
 from rise_tui.model.upcoming import UpcomingStep, find_upcoming
 from rise_tui.model.wait_explanations import key_owner

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rich.cells import cell_len
+
+from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
 from rise_engine.kernel.records import ENDINGS
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act
 from rise_tui.model.log_rows import REPORTS
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import TextRole
+from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
 
 class StateLabel(NamedTuple):
@@ -128,3 +131,94 @@ def newest_task(store: Store, name: str) -> TaskView | None:
 def act_progress(act: Act, task: TaskView) -> tuple[int, int]:
     """The number of ended actions, and of all."""
     return sum(action.status in ENDINGS for action in task.actions.values()), len(act.actions)
+
+
+HERE, STATE = "here", "state"
+"""The id prefixes of state rows, before a colon and the state's name: the present state, and the others."""
+FAR = 8
+"""Rows. A longer rail has its target's name at the label too, because its arrow may be out of view."""
+LEAST_NAME = 4
+"""Cells of a state's name that are always shown."""
+INDENT = 2
+"""Cells by which ways are indented behind names if a state and its way down share a row."""
+
+
+class GraphPosition(NamedTuple):
+    """The position of the rule at this moment."""
+
+    state: str | None = None
+    """The present state; None while the rule does not run."""
+    last: tuple[str, int] | None = None
+    """The last transition: the state that it left, and its index."""
+
+
+def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
+    """The rows, none wider than the layout. Only the marks depend on the moment."""
+    last = layout.edges.get(now.last) if now.last is not None else None
+    ways = [edge for edge in layout.edges.values() if edge.source == now.state]
+    follows = {edge.target for edge in ways if edge.way not in ("stays", "again")}
+    roles: dict[tuple[int, int], TextRole] = {}
+    for edge in ways:
+        roles.update(dict.fromkeys(edge_path(layout, edge), "plain"))
+    if last is not None:
+        roles.update(dict.fromkeys(edge_path(layout, last), "accent"))
+    rows = []
+    for index, row in enumerate(layout.rows):
+        is_present = row.is_state and row.state == now.state
+        line: list[StyledSpan] = _rail_spans(row.rails, index, roles)
+        if row.is_state:
+            marks = ["here"] if is_present else ["maybe next"] if row.state in follows else []
+            line += _state_spans(layout, row, marks)
+        if row.edge is not None:
+            line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
+        id = f"{HERE if is_present else STATE}:{row.state}" if row.is_state else ""
+        rows.append(ListRow(id, crop(tuple(line), layout.width), selectable=row.is_state))
+    return rows
+
+
+def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) -> list[StyledSpan]:
+    """The rails, in as few pieces as their roles allow."""
+    spans: list[StyledSpan] = []
+    for column, character in enumerate(rails):
+        role = roles.get((row, column), "muted")
+        if spans and (character == " " or spans[-1][1] == role):
+            spans[-1] = (spans[-1][0] + character, spans[-1][1])
+        else:
+            spans.append((character, role))
+    return spans
+
+
+def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
+    """The state's glyph, name and marks. The name is cut first; before a way, permanent notes may be left out."""
+    glyph: StyledSpan = (
+        ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "maybe next" in marks else ("○ ", "muted")
+    )
+    room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
+    words = "".join(f"  {mark}" for mark in (*marks, *row.notes))
+    if marks and row.edge is not None and cell_len(words) + LEAST_NAME > room:
+        words = "".join(f"  {mark}" for mark in marks)
+    name = shorten(row.state, max(LEAST_NAME, room - cell_len(words)))
+    role: TextRole = "accent" if "here" in marks else "plain"
+    padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
+    return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
+
+
+def _way_spans(
+    layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
+) -> list[StyledSpan]:
+    """A way's label and its end: its target if no rail shows it, and whether it was taken."""
+    role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
+    lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
+    label, room = clean(edge.label), room - len(lead)
+    tail: list[StyledSpan] = [("  last step", "accent")] if taken else []
+    if edge.way in ("stays", "again"):
+        tail.insert(0, (f"  {edge.way}", "muted"))
+    elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
+        free = room - line_width(tail) - 3
+        target = shorten(edge.target, max(free // 2, free - cell_len(label)))
+        tail.insert(0, (f" → {target}", role))
+    return [(lead, role), (shorten(label, max(3, room - line_width(tail))), role), *tail]
+
+
+def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
+    return abs(edge.row - layout.row_of[edge.target]) if edge.way == "rail" and edge.target is not None else 0

@@ -52,13 +52,20 @@ from rise_engine.run.protocol.client import (
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
 from rise_engine.scenario.reading.lexicon import RobotWording
 from rise_tui.model import control
-from rise_tui.model.control import CUE_EVENTS, STARTING_FUNCTIONS, BlockedReason, Deed, InputMode
+from rise_tui.model.control import (
+    CUE_EVENTS,
+    STARTING_FUNCTIONS,
+    BlockedReason,
+    Deed,
+    ExpectedInputs,
+    InputMode,
+    find_expected_inputs,
+)
 from rise_tui.model.cue import CueClock, cue_clock
-from rise_tui.model.key_action import ExpectedInputs, find_expected_inputs
 from rise_tui.model.log_rows import BY_RULE, LogRows, is_by_wizard
 from rise_tui.model.memory_changes import UndoStack
 from rise_tui.model.notice import Notice, completion_message, record_notice, short_name
-from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
+from rise_tui.model.speech import CurrentSentence, SentenceTracker
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
 """What a batch of records changed. A pane names those that it shows."""

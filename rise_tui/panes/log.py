@@ -21,8 +21,8 @@ from rise_tui.model.store import Store
 from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock
-from rise_tui.screens.detail import DetailScreen
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.screens.reading import DetailScreen
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.task_log import TaskLog
 

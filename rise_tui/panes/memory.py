@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from textual import on
+from textual import on, work
 from textual.widget import Widget
 
 from rise_engine.kernel.view import MemoryView
@@ -25,7 +25,6 @@ from rise_tui.model.memory_changes import (
 )
 from rise_tui.model.store import Store
 from rise_tui.panes.pane import ListPane
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -38,7 +37,7 @@ from rise_tui.rendering.text import (
     format_value,
     json_type_name,
 )
-from rise_tui.screens.detail import DetailScreen
+from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.memory_editor import PresentValue, RowEditor
 
 ADD = "\0add"
@@ -204,10 +203,11 @@ class MemoryPane(ListPane):
         elif action == "memory.delete":
             self._delete(path)
 
-    def _ask_to_save(self) -> None:
+    @work(group="keep", exclusive=True)
+    async def _ask_to_save(self) -> None:
         from rise_tui.panes.save_start_values import ask_to_save_start_values  # imports the file editing, rarely used
 
-        self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
+        await ask_to_save_start_values(self)
 
     def _delete(self, path: JsonPath) -> None:
         key, value = str(path[0]), self._value_at(path)

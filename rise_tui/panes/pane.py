@@ -22,7 +22,7 @@ from rise_tui.rendering.text import (
     align_at_both_ends,
     line_width,
 )
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 

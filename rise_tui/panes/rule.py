@@ -14,9 +14,8 @@ from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
 from rise_tui.messages import AskToStart, AskToStepBack, RequestStart, ShowNotice
-from rise_tui.model.key_action import KeyAction
-from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
-from rise_tui.model.states import rule_state
+from rise_tui.model.control import KeyAction
+from rise_tui.model.states import HERE, GraphPosition, draw_state_graph, rule_state
 from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import WaitExplanations, key_owner
 from rise_tui.panes.pane import ListPane

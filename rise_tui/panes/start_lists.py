@@ -12,7 +12,7 @@ from textual.message import Message
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
-from rise_tui.model.key_action import start_action
+from rise_tui.model.control import start_action
 from rise_tui.model.notice import act_label
 from rise_tui.model.states import (
     ARMED,

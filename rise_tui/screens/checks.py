@@ -7,8 +7,9 @@ questions.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from typing import ClassVar, Protocol
 
 from textual import events, on
@@ -19,10 +20,9 @@ from rise_engine.checks import CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, wrap
-from rise_tui.widgets.prompt_bar import PromptBar
+from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -198,7 +198,8 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
 
     def _begin(self, item: CheckItem) -> None:
         self.checks.reset(item)
-        self.run_worker(Later(self._run, item), group=f"check-{item.check.id}", exclusive=True)
+        run: Callable[[], Awaitable[None]] = partial(self._run, item)
+        self.run_worker(run, group=f"check-{item.check.id}", exclusive=True)
 
     async def _run(self, item: CheckItem) -> None:
         async with nullcontext() if item.check.ask else self._one_at_a_time:

@@ -1,8 +1,9 @@
-"""The base of all dialogs: a question before something that cannot be undone, and a form. Esc leaves both."""
+"""The base of all dialogs: a question before something that cannot be undone, also about several items; and a form."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Generic, NamedTuple
 
 from textual import events, on
@@ -14,7 +15,20 @@ from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Button, Label, Static
 
-from rise_tui.model.key_action import HELD_KEY_SECONDS
+from rise_tui.model.control import HELD_KEY_SECONDS
+from rise_tui.model.resumption import (
+    ACTS,
+    BACK,
+    GO_ON,
+    KEEP,
+    OPTIONS,
+    STOP,
+    BackStep,
+    InterruptedRule,
+    resumption_lines,
+    step_behavior,
+    step_lines,
+)
 from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 
 
@@ -153,3 +167,153 @@ class Dialog(SingleDismissModal[str]):
 
 def _id(key: str) -> str:
     return f"answer-{key.replace('+', '-')}"
+
+
+LINES_AROUND = 12
+"""Rows of the terminal that the dialog needs besides its lines and choices."""
+
+
+class Choice(NamedTuple):
+    """One item to choose for."""
+
+    name: str
+    options: Sequence[str]
+    """The possible choices; the first is the default."""
+
+
+class ChoicesDialog(Dialog):
+    """A dialog in which up and down select an item, left and right choose for it, and other keys choose for all."""
+
+    DEFAULT_CSS = """
+    ChoicesDialog {
+        #box { max-height: 95%; }
+        #lines { margin: 0; }
+        #choices { height: auto; margin: 1 0; }
+    }
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "select(-1)", show=False),
+        Binding("down", "select(1)", show=False),
+        Binding("left", "change(-1)", show=False),
+        Binding("right", "change(1)", show=False),
+    ]
+
+    def __init__(
+        self,
+        title: str,
+        lines: Sequence[str],
+        choices: Sequence[Choice],
+        all_keys: Mapping[str, str],
+        *answers: DialogChoice,
+        hint: str,
+        no: str,
+        repeat_keys: Sequence[str] = (),
+    ) -> None:
+        """`all_keys`: for each key, the option that it chooses for every item that has this option."""
+        super().__init__(title, lines, *answers, no=no, repeat_keys=repeat_keys)
+        self._choices, self._all_keys, self._hint = choices, all_keys, hint
+        self.selected = 0
+        self.chosen = {choice.name: choice.options[0] for choice in choices}
+
+    @abstractmethod
+    def choice_lines(self, width: int, rows: int) -> list[str]:
+        """The items with their chosen options, in at most `rows` rows of `width` cells."""
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title):
+            yield Static("\n".join(self._lines), id="lines", markup=False)
+            yield Static("", id="choices", markup=False)
+            with Horizontal(id="buttons"):
+                yield from self.buttons()
+
+    def on_mount(self) -> None:
+        super().on_mount()
+        self.call_after_refresh(self._show_choices)
+
+    def on_resize(self) -> None:
+        self.call_after_refresh(self._show_choices)
+
+    def on_key(self, event: events.Key) -> None:
+        if (option := self._all_keys.get(event.key)) is not None:
+            event.stop()
+            for choice in self._choices:
+                if option in choice.options:
+                    self.chosen[choice.name] = option
+            self._show_choices()  # other keys: Textual calls `Dialog.on_key`, too
+
+    def action_select(self, step: int) -> None:
+        self.selected = min(max(self.selected + step, 0), len(self._choices) - 1)
+        self._show_choices()
+
+    def action_change(self, step: int) -> None:
+        if self._choices:
+            choice = self._choices[self.selected]
+            now = choice.options.index(self.chosen[choice.name])
+            self.chosen[choice.name] = choice.options[(now + step) % len(choice.options)]
+            self._show_choices()
+
+    def _show_choices(self) -> None:
+        shown = self.query_one("#choices", Static)
+        rows = max(2, self.app.size.height - LINES_AROUND - len(self._lines))
+        shown.update("\n".join([*self.choice_lines(max(20, shown.size.width), rows), self._hint]))
+
+
+def first_shown(selected: int, count: int, most: int) -> int:
+    """The first of `count` items to show, so that the selected one is in the middle of `most`."""
+    return max(0, min(selected - most // 2, count - most))
+
+
+ALL_KEYS = {"e": "enter", "w": "wait", "l": "leave"}
+RELEASE_HINT = "all: e re-enter, w wait there, l leave   one: ↑ ↓, ← →"
+
+
+class ReleaseDialog(ChoicesDialog):
+    """Asks once for all rules. Each stays stopped unless the wizard chooses otherwise."""
+
+    def __init__(self, lines: Sequence[str], rules: Sequence[InterruptedRule], repeat_keys: Sequence[str]) -> None:
+        super().__init__(
+            "Release the stop?",
+            lines,
+            [Choice(rule.name, OPTIONS) for rule in rules],
+            ALL_KEYS,
+            DialogChoice("r", "Release"),
+            hint=RELEASE_HINT,
+            no="Stay stopped",
+            repeat_keys=repeat_keys,
+        )
+        self._rules = rules
+
+    def choice_lines(self, width: int, rows: int) -> list[str]:
+        return resumption_lines(self._rules, self.chosen, self.selected, width, rows)
+
+
+STEP_HINT = "all keys: t take back, k keep   one: ↑ ↓, ← →"
+NOTHING = "no memory key has changed since"
+
+
+class StepBackDialog(ChoicesDialog):
+    """Asks about a step back. By default memory keys are taken back, and acts go on."""
+
+    def __init__(self, lines: Sequence[str], step: BackStep) -> None:
+        choices = [Choice(key, (BACK, KEEP)) for key in step.keys]
+        choices += [Choice(ACTS, (GO_ON, STOP))] if step.acts else []
+        super().__init__(
+            "One step back?",
+            lines,
+            choices,
+            {"t": BACK, "k": KEEP},
+            DialogChoice("b", "Back"),
+            DialogChoice("w", "Back, waiting"),
+            hint=STEP_HINT if choices else NOTHING,
+            no="Stay",
+        )
+        self._step = step
+
+    def behavior(self, answer: str) -> str:
+        """The behaviour of the task that makes the step, with the present choices."""
+        return step_behavior(self._step, self.chosen, enter=answer == "b")
+
+    def choice_lines(self, width: int, rows: int) -> list[str]:
+        first = first_shown(self.selected, len(self.chosen), rows)
+        return step_lines(self._step, self.chosen, self.selected, first, width, rows)

@@ -12,7 +12,7 @@ from rise_tui.model.filtering import Filter, InvalidFilter, mark_line
 from rise_tui.model.notice import task_label
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, wrap
-from rise_tui.screens.search_dialog import SearchDialog
+from rise_tui.screens.palette import SearchDialog
 
 WIDE = 90
 """From this width on keys and titles have enough space."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from msgspec.structs import replace
-from textual import on
+from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
@@ -21,13 +21,11 @@ from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, 
 from rise_tui.config.paths import expand_home
 from rise_tui.model.status import participant_text
 from rise_tui.model.store import Store
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import TitledBox
 from rise_tui.rendering.text import clean
 from rise_tui.screens.dialog import FormDialog
-from rise_tui.screens.outcome import end_session_dialog
-from rise_tui.widgets.choice_field import ChoiceField
-from rise_tui.widgets.prompt_bar import TextField
+from rise_tui.screens.session_forms import end_session_dialog
+from rise_tui.widgets.fields import ChoiceField, TextField
 
 PATH_KINDS = ("acts", "rules", "memory")
 MODES = ("debug", "real")
@@ -153,8 +151,9 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
     def _folder_changed(self) -> None:
         self._apply_next = False
         if self._folder != self._folder_read:
-            self.run_worker(Later(self._fill_fields, self._folder), exclusive=True, group="fields")
+            self._fill_fields(self._folder)
 
+    @work(exclusive=True, group="fields")
     async def _fill_fields(self, folder: str) -> None:
         """Fill the fields with another scenario's paths, robot and mode."""
         running = self._is_running_folder(folder)
@@ -191,8 +190,9 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         self._apply_next = folder != self._folder_read  # then it is being read: show it, then apply it
         self.findings.update("reading …")
         if not self._apply_next:
-            self.run_worker(Later(self._load, self.chosen_options()), exclusive=True, group="load")
+            self._load(self.chosen_options())
 
+    @work(exclusive=True, group="load")
     async def _load(self, settings: SessionOptions) -> None:
         """Show what is wrong with the scenario, or ask for confirmation."""
         found = await asyncio.to_thread(self._launcher.load_scenario, settings)

@@ -15,8 +15,8 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from rise_tui.rendering.styled_lines import CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND, StyledLines
 from rise_tui.rendering.text import ListRow, plain_text
+from rise_tui.widgets.static_lines import CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND, StyledLines
 
 DISPLACED_SECONDS = 0.7
 """Seconds after the cursor's row has vanished in which nobody can have read the row now under the cursor."""

@@ -16,7 +16,7 @@ from textual.widgets import Input
 
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, why_unavailable
-from rise_tui.model.free_speech import (
+from rise_tui.model.speech import (
     SpeechEffect,
     SpeechHistory,
     complete_speech,
@@ -27,7 +27,7 @@ from rise_tui.model.free_speech import (
 from rise_tui.model.states import SENT, StateLabel, task_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, format_seconds
-from rise_tui.widgets.prompt_bar import TextField
+from rise_tui.widgets.fields import TextField
 from rise_tui.widgets.static_lines import StaticLines
 
 DONE_SECONDS = 5.0

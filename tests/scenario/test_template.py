@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, TemplateError, parse_template
-from rise_tui.model.free_speech import complete_speech, fill_speech
+from rise_tui.model.speech import complete_speech, fill_speech
 from tests.scenario.folders import act, found, loaded
 
 

@@ -23,5 +23,5 @@ for _module in (
 ):
     import_module(f"rise_tui.{_module}")
 
-explore_saved = import_module("rise_tui.editor.exploring").explore_saved
+explore_saved = import_module("rise_tui.editor.study").explore_saved
 explore_saved.__kwdefaults__["after"] = 24 * 60 * 60

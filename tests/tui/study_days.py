@@ -14,8 +14,8 @@ from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.outcome import OutcomeDialog
-from rise_tui.screens.report import ReportScreen
+from rise_tui.screens.reading import ReportScreen
+from rise_tui.screens.session_forms import OutcomeDialog
 from tests.patience import PATIENCE
 from tests.tui.fake import FakeClient, FakeLauncher, demo
 from tests.tui.fake_study import FakeStudy

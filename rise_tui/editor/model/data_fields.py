@@ -15,7 +15,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.reading.robot_profiles import robot_names
-from rise_tui.editor.model.act_rows import said_text
+from rise_tui.editor.model.acts import said_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value

@@ -19,7 +19,7 @@ from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
 from rise_engine.syntax.xml_writing import one_line
 from rise_tui.editor.model.fields import NOTE_MARKS
-from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
+from rise_tui.model.states import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
 
 MARGIN = 2

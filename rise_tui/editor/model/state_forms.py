@@ -25,9 +25,8 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import normal_topic
-from rise_tui.editor.model.condition_reading import condition_field
 from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldNote, Form, info
-from rise_tui.editor.model.study_names import StudyNames, acts_started_by
+from rise_tui.editor.model.study_names import StudyNames, acts_started_by, condition_field
 
 TRIGGER_WORDS = {
     "event": "this happens",

@@ -27,9 +27,8 @@ from rise_engine.author.edit.rule_words import FUNCTION_WORDS
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
 from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import FunctionName, normal_topic
-from rise_tui.editor.model.condition_reading import condition_field
 from rise_tui.editor.model.fields import EditField, FieldChoice, FieldNote, Form, info
-from rise_tui.editor.model.study_names import StudyNames, short_value
+from rise_tui.editor.model.study_names import StudyNames, condition_field, short_value
 
 CALL_FIELDS: dict[FunctionName, tuple[str, ...]] = {
     "startCommunicationRobotAct": ("function", "act"),

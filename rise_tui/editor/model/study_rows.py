@@ -8,7 +8,7 @@ from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.editor.model.act_rows import act_seconds, action_type, all_texts, what_text, when_text
+from rise_tui.editor.model.acts import act_seconds, action_type, all_texts, what_text, when_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap

@@ -18,7 +18,7 @@ from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.reading.translations import Translation, slot_problem
 from rise_engine.scenario.speech.spoken_texts import SpokenText
 from rise_engine.scenario.speech.template import Template
-from rise_tui.editor.model.act_rows import call_seconds, when_text
+from rise_tui.editor.model.acts import call_seconds, when_text
 from rise_tui.editor.model.draft import FilePlace, StudyDraft
 from rise_tui.rendering.text import (
     ListRow,

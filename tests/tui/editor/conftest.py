@@ -11,11 +11,9 @@ from textual.pilot import Pilot
 
 from rise_engine.author.edit.plan import Files
 from rise_engine.author.edit.workspace import Workspace
-from rise_tui.editor.app import EditApp
-from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.model.draft import draft_of
-from rise_tui.editor.screen import EditScreen
-from rise_tui.editor.study import EditedStudy, RunningHere
+from rise_tui.editor.screen import EditApp, EditScreen
+from rise_tui.editor.study import EditedStudy, Explorer, RunningHere
 from rise_tui.rendering.terminal_driver import mark_together
 from tests.patience import PATIENCE
 from tests.tui.conftest import Shown

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.expression import Expression, ExpressionError
-from rise_tui.editor.model.condition_reading import condition_notes, suggest_ending
 from rise_tui.editor.model.fields import FieldNote
+from rise_tui.editor.model.study_names import condition_notes, suggest_ending
 from tests.tui.editor.small_study import small_study
 
 NAMES = small_study()

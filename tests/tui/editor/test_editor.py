@@ -10,9 +10,8 @@ import pytest
 from rise_engine.author.edit.edits import AddRule, AddStatement, CallForm, StatementAddress
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.data_pages import DataPage, SettingsPage
-from rise_tui.editor.dialogs import SaveDialog
+from rise_tui.editor.dialogs import PickList, SaveDialog
 from rise_tui.editor.model.fields import FieldChoice
-from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
 from rise_tui.editor.study import RunningHere
 from rise_tui.screens.dialog import Dialog

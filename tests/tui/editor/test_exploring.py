@@ -13,7 +13,7 @@ import pytest
 
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.bars import FindingLine
-from rise_tui.editor.exploring import explore_saved
+from rise_tui.editor.dialogs import PickList
 from rise_tui.editor.model.draft import StudyDraft, draft_of
 from rise_tui.editor.model.explored import (
     ExploredPlace,
@@ -22,9 +22,9 @@ from rise_tui.editor.model.explored import (
     findings_in_rules,
     read_explored,
 )
-from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.screens.detail import DetailScreen
+from rise_tui.editor.study import explore_saved
+from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.row_list import RowList
 from tests.tui.editor.conftest import Editor, editor
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_tui.editor.pick_list import PickList
+from rise_tui.editor.dialogs import PickList
 from tests.tui.editor.conftest import Editor, editor
 
 RULE = "rules/gaze.xml"

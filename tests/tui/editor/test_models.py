@@ -19,8 +19,15 @@ from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
 from rise_engine.study.study_toml import load_study
 from rise_tui.editor.bars import top_line
-from rise_tui.editor.model.act_form import action_fields, new_action_parameters, parameter_note
-from rise_tui.editor.model.act_rows import action_rows, action_times, file_lines, scale_line
+from rise_tui.editor.model.acts import (
+    action_fields,
+    action_rows,
+    action_times,
+    file_lines,
+    new_action_parameters,
+    parameter_note,
+    scale_line,
+)
 from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of, first_new_finding
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by

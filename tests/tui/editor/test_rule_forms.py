@@ -28,7 +28,6 @@ from rise_engine.author.edit.edits import (
     TransitionForm,
 )
 from rise_engine.author.edit.plan import EditRefused
-from rise_tui.editor.model.condition_reading import suggest_ending
 from rise_tui.editor.model.fields import EditField, Form, complete_name
 from rise_tui.editor.model.state_forms import (
     EventKeyForm,
@@ -45,6 +44,7 @@ from rise_tui.editor.model.statement_forms import (
     call_of,
     call_values,
 )
+from rise_tui.editor.model.study_names import suggest_ending
 from tests.tui.editor.small_study import small_study
 
 NAMES = small_study()

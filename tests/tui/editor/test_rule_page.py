@@ -35,8 +35,8 @@ from rise_engine.author.edit.edits import (
 )
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
+from rise_tui.editor.dialogs import PickList
 from rise_tui.editor.model.rule_graph import GraphSpot
-from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_editor import RuleEditor
 from tests.tui.editor.pages import PageApp, StudyInMemory, settle
 from tests.tui.editor.small_study import RULES

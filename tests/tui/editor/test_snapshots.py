@@ -11,13 +11,11 @@ import pytest
 from textual.pilot import Pilot
 
 from rise_engine.author.edit.workspace import Workspace
-from rise_tui.editor.app import EditApp
-from rise_tui.editor.dialogs import SaveDialog
-from rise_tui.editor.exploring import Explorer
+from rise_tui.editor.dialogs import PickList, SaveDialog
 from rise_tui.editor.model.draft import draft_of
-from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.screen import EditApp
+from rise_tui.editor.study import EditedStudy, Explorer
 from tests.tui.editor.conftest import STUDIES, Editor, OneSession
 from tests.tui.editor.long_rule import long_rule_files
 from tests.tui.editor.test_editor import open_speech

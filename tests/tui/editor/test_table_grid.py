@@ -13,7 +13,6 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.tables import WrittenCells
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.study.review import findings_of_files
-from rise_tui.editor.app import EditApp
 from rise_tui.editor.model.draft import StudyDraft, draft_of
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.model.table_grid import (
@@ -33,6 +32,7 @@ from rise_tui.editor.model.table_grid import (
     next_pseudonym,
     row_at_line,
 )
+from rise_tui.editor.screen import EditApp
 from rise_tui.editor.study import EditedStudy
 from rise_tui.editor.tables_page import TablesPage
 from rise_tui.rendering.text import line_width, plain_text

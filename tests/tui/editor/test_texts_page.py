@@ -9,9 +9,8 @@ import pytest
 from textual import events
 
 from rise_tui.editor.act_page import ActPage
-from rise_tui.editor.dialogs import SaveDialog
+from rise_tui.editor.dialogs import AskText, PickList, SaveDialog
 from rise_tui.editor.model.text_rows import TextsView, languages_of
-from rise_tui.editor.pick_list import AskText, PickList
 from rise_tui.editor.study import RunningHere
 from rise_tui.editor.texts_page import TextsPage
 from tests.tui.editor.conftest import Editor, OneSession, editor

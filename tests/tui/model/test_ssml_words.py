@@ -13,10 +13,9 @@ from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, 
 from rise_tui.key_labels import key_name
 from rise_tui.model.act_text import ActText, shown_act
 from rise_tui.model.failures import unsaid_texts
-from rise_tui.model.free_speech import scenario_sentences
 from rise_tui.model.log_text import task_rows
 from rise_tui.model.resumption import entry_lines
-from rise_tui.model.robot_speech import longest_sentence, remaining_sentences
+from rise_tui.model.speech import longest_sentence, remaining_sentences, scenario_sentences
 from rise_tui.model.speech_band import speech_band_lines
 from rise_tui.model.states import task_state
 from rise_tui.model.store import Store

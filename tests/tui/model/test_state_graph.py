@@ -13,7 +13,7 @@ from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, find_
 from rise_engine.expression import Expression
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Delay, Rule, State, Transition
-from rise_tui.model.state_drawing import HERE, GraphPosition, draw_state_graph
+from rise_tui.model.states import HERE, GraphPosition, draw_state_graph
 from rise_tui.rendering.text import plain_text
 from tests.chance import examples
 

@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rise_engine.kernel.records import ActionRecord, MemoryRecord, TaskRecord
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Scenario
 from rise_engine.scenario.speech.template import parse_template
-from rise_tui.panes.act import ActPane
+from rise_tui.panes.tasks import ActPane
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

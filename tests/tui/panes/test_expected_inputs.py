@@ -12,7 +12,7 @@ from rise_engine.author.drawing.study_keys import StudyKeys
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import KeyBinding, Rule, Scenario, State, Transition
-from rise_tui.model.key_action import ExpectedInputs, find_expected_inputs
+from rise_tui.model.control import ExpectedInputs, find_expected_inputs
 from tests.tui.conftest import console
 from tests.tui.fake import demo
 

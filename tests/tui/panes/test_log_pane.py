@@ -24,7 +24,7 @@ from rise_tui.panes.log_export import (
     table_lines,
 )
 from rise_tui.rendering.text import StyledLine, highlight_matches, plain_text
-from rise_tui.screens.detail import DetailScreen
+from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.task_log import TaskLog
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo

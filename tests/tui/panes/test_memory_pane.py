@@ -15,8 +15,8 @@ from rise_tui.actions import BY_ID
 from rise_tui.key_labels import why_unavailable
 from rise_tui.model.store import Store
 from rise_tui.panes.memory import MOST_PARTS, MemoryPane
-from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.reading import DetailScreen
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

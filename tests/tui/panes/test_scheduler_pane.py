@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.kernel.records import SessionRecord
-from rise_tui.panes.scheduler import SchedulerPane
+from rise_tui.panes.tasks import SchedulerPane
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.screens.detail import DetailScreen
+from rise_tui.screens.reading import DetailScreen
 from tests.tui.conftest import Console, console
 
 

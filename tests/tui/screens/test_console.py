@@ -15,9 +15,9 @@ from rise_tui.config.launch import ScenarioProblems
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen
-from rise_tui.screens.outcome import EndSessionDialog
+from rise_tui.screens.session_forms import EndSessionDialog
 from rise_tui.screens.settings import SettingsScreen
-from rise_tui.widgets.prompt_bar import TextField
+from rise_tui.widgets.fields import TextField
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, FakeLauncher, demo
 

@@ -17,12 +17,11 @@ from rise_engine.run.protocol.session_start import first_input
 from rise_engine.scenario.model import Condition, Scenario
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
 from rise_tui.config.paths import expand_home
-from rise_tui.model.key_action import HELD_KEY_SECONDS
+from rise_tui.model.control import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.outcome import EndSessionDialog
+from rise_tui.screens.session_forms import EndSessionDialog
 from rise_tui.screens.settings import SettingsScreen
-from rise_tui.widgets.choice_field import ChoiceField
-from rise_tui.widgets.prompt_bar import TextField
+from rise_tui.widgets.fields import ChoiceField, TextField
 from tests.tui.conftest import Console, console
 from tests.tui.fake import DEMO, FakeClient, demo
 

@@ -13,7 +13,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.run.protocol.client import ClientInput, Reply
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.screens.choices import ReleaseDialog
+from rise_tui.screens.dialog import ReleaseDialog
 from tests.kernel.harness import Session
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient

@@ -10,8 +10,7 @@ import pytest
 from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.records import ControlRecord, KeptRecord
 from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, InputController
-from rise_tui.model.control import InputMode
-from rise_tui.model.key_action import MARK_CUE, KeyAction
+from rise_tui.model.control import MARK_CUE, InputMode, KeyAction
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
 from tests.tui.fake import FakeClient, demo

@@ -8,7 +8,7 @@ from rise_engine.scenario.keys import PUNCTUATION
 from rise_tui.actions import BY_ID
 from rise_tui.console.layout import MONITORING, START_LISTS
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.screens.jump import LETTERS, JumpScreen, label_line
+from rise_tui.screens.tour import LETTERS, JumpScreen, label_line
 from tests.tui.conftest import Console, console
 
 

@@ -19,12 +19,12 @@ from rise_engine.run.protocol.client import AttachReply, EngineGone, UnrecordedS
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.console.exit_dialogs import END_KEY, END_PATIENCE, end_patience, engine_gone_dialog, exit_message
+from rise_tui.console.questions import END_KEY, END_PATIENCE, end_patience, engine_gone_dialog, exit_message
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.outcome import EndSessionDialog
+from rise_tui.screens.session_forms import EndSessionDialog
 from tests.patience import PATIENCE
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, FakeLauncher, demo
@@ -117,7 +117,7 @@ async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_
 
 
 async def test_an_end_that_is_not_confirmed_in_time_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_tui.console.exit_dialogs.END_PATIENCE", 0.2)
+    monkeypatch.setattr("rise_tui.console.questions.END_PATIENCE", 0.2)
     client = FakeClient(demo())
 
     async def close(*, end_session: bool = False, reason: str = "") -> None:

@@ -9,7 +9,7 @@ from rise_engine.kernel.records import MistakeRecord
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.model.failures import newest_markable
 from rise_tui.rendering.text import plain_text
-from rise_tui.widgets import mistake_line as line
+from rise_tui.widgets import fields as line
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

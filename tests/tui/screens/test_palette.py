@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rise_tui.actions import ACTIONS
-from rise_tui.model.key_action import KeyAction
+from rise_tui.model.control import KeyAction
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
 from rise_tui.screens.palette import Palette, PaletteCommand, palette_commands, search_commands, theme_commands

@@ -9,8 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import OpenGoal, RobotRecord, RuleRecord
-from rise_tui.screens.choices import ReleaseDialog
-from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.dialog import Dialog, ReleaseDialog
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

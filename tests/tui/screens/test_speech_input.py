@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
-from rise_tui.model.free_speech import (
+from rise_tui.model.speech import (
     FilledSpeech,
     SpeechHistory,
     complete_speech,

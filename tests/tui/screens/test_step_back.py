@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_tui.screens.choices import StepBackDialog
+from rise_tui.screens.dialog import StepBackDialog
 from tests.tui.conftest import Console, console
 
 pytestmark = pytest.mark.slow  # many keys each

@@ -30,10 +30,9 @@ from rise_tui.rendering.text import plain_text
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen
-from rise_tui.screens.outcome import EndSessionDialog, OutcomeDialog
 from rise_tui.screens.palette import Palette
-from rise_tui.screens.report import ReportScreen
-from rise_tui.screens.study_questions import RehearsalDialog, WizardNameDialog
+from rise_tui.screens.reading import ReportScreen
+from rise_tui.screens.session_forms import EndSessionDialog, OutcomeDialog, RehearsalDialog, WizardNameDialog
 from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.tui.fake_study import FakeStudy, entry, pending, person, standing, study
 from tests.tui.study_days import Day, day

@@ -14,7 +14,7 @@ import rise_tui
 from rise_tui.cli.options import THEMES
 from rise_tui.config.display import DetectedColors, DisplayOptions, choose_theme, detect_colors, prepare_textual
 from rise_tui.rendering import themes
-from rise_tui.rendering.styled_lines import STYLE_SPECS
+from rise_tui.widgets.static_lines import STYLE_SPECS
 from tests.chance import searched
 from tests.tui.conftest import Console, console
 from tests.tui.fake import DEMO

@@ -1,23 +1,84 @@
-"""The report of a session that has ended, to read before the next one. Esc leaves immediately.
-
-The report is made off the loop while this screen is already shown, so nobody has to wait for it.
-"""
+"""Texts to read over another screen: a task of the log, a long value, the report of a session that has ended."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
-from textual import events, on
+from textual import events, on, work
 from textual.app import ComposeResult
 
 from rise_engine.results.report.document import Document
 from rise_engine.results.report.plain_text import WIDTH, text_lines
-from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
 from rise_tui.widgets.row_list import RowList, RowView
+
+REFRESH_SECONDS = 0.5
+"""Seconds until a changed row is shown."""
+
+
+class DetailScreen(SingleDismissModal[str]):
+    """Shows rows until the wizard leaves; the result is the pressed letter, empty for none."""
+
+    DEFAULT_CSS = """
+    DetailScreen {
+        align: center middle; background: transparent;
+        #box { width: 100; max-height: 80%; border-title-color: $foreground; }
+        RowList { height: auto; max-height: 100%; background: $panel; }
+    }
+    """
+
+    def __init__(
+        self,
+        title: str,
+        rows: Callable[[int], Sequence[ListRow]],
+        letters: Sequence[tuple[str, str]] = (),
+        step: Callable[[int], None] | None = None,
+    ) -> None:
+        """`rows` makes the rows for a width. `letters`: keys with what they do, in a word or two.
+
+        `step`: goes to the previous (-1) or next (1) text, with the left and right arrows; without it there is only
+        one.
+        """
+        super().__init__()
+        self._title, self._make_rows = title, rows
+        self._letters, self._step = dict(letters), step
+        self.list = RowList(id="reading-rows")
+
+    def compose(self) -> ComposeResult:
+        steps = ["←→ others"] if self._step is not None else []
+        letters = [f"{key} {does}" for key, does in self._letters.items()]
+        with TitledBox(self._title, " · ".join(["esc closes", *steps, *letters])):
+            yield self.list
+
+    def on_mount(self) -> None:
+        self.set_focus(self.list)
+        self.set_interval(REFRESH_SECONDS, self._draw)
+        self.call_after_refresh(self._draw)
+
+    @on(RowView.Resized)
+    def _draw(self) -> None:
+        if (width := self.list.row_width) > 0:
+            rows = [row._replace(selectable=False) for row in self._make_rows(width)]
+            self.list.styles.height = len(rows)
+            self.list.show(rows)
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key in ("escape", "enter"):
+            self.dismiss("")
+        elif event.key in self._letters:
+            self.dismiss(event.key)
+        elif event.key in ("left", "right") and self._step is not None:
+            self._step(-1 if event.key == "left" else 1)
+            self._draw()
+        else:
+            return
+        event.stop()
+        event.prevent_default()
+
 
 RULE = "\u2500"
 KEYS = "esc closes · ↑↓ pgup pgdn · ←→ section"
@@ -85,8 +146,9 @@ class ReportScreen(SingleDismissModal[None]):
         self._document = None
         self.query_one("#box").border_title = f" {self._title} "
         self._show(["", " reading the record …"])
-        self.run_worker(Later(self._read, self._sessions[self._shown].folder), group="report", exclusive=True)
+        self._read(self._sessions[self._shown].folder)
 
+    @work(group="report", exclusive=True)
     async def _read(self, folder: str) -> None:
         try:
             self._document = await asyncio.to_thread(self._make, folder)
@@ -108,7 +170,8 @@ class ReportScreen(SingleDismissModal[None]):
     @on(RowView.Resized)
     def _resized(self) -> None:
         if self._document is not None:
-            self.run_worker(Later(self._lay_out, self._document), group="report", exclusive=True)
+            again: Callable[[], Awaitable[None]] = partial(self._lay_out, self._document)
+            self.run_worker(again, group="report", exclusive=True)
 
     def _show(self, lines: Sequence[str]) -> None:
         rows = []
