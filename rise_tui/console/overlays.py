@@ -13,9 +13,9 @@ from textual.screen import Screen
 
 from rise_tui.actions import KeyScope
 from rise_tui.console.layout import Layout
-from rise_tui.console.questions import ConsoleHost
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
+from rise_tui.requests import ConsoleHost
 from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
-
-from textual.app import App
 
 from rise_engine.kernel.behaviors import release_behavior
 from rise_engine.kernel.records import look_at_robot_text, stopper_words
@@ -17,11 +14,12 @@ from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import key_name, keys_of, why_blocked
 from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.control import KeyAction, control_question
-from rise_tui.model.notice import Level, act_label
+from rise_tui.model.notice import act_label
 from rise_tui.model.resumption import InterruptedRule, entry_lines, find_back_step, interrupted_rules, question_lines
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
+from rise_tui.requests import ConsoleHost
 from rise_tui.screens.dialog import Dialog, DialogChoice, ReleaseDialog, StepBackDialog
 
 RECOVERY_LINES = (
@@ -128,31 +126,6 @@ def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
     lead = f"{signal_name}: " if signal_name else ""
     state = f"{busy}, and goes on without this console" if busy else "no session is running"
     return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"
-
-
-class ConsoleHost(Protocol):
-    """The console, for what opens above it: questions, help, palette, tour."""
-
-    @property
-    def app(self) -> App[Any]: ...
-
-    @property
-    def store(self) -> Store: ...
-
-    def show_notice(self, text: str, level: Level = "info") -> None:
-        """Show the wizard a notice."""
-
-    def action_do(self, action: str) -> None:
-        """Carry out an action of the registry, or say why not."""
-
-    def start(self, action: KeyAction) -> None:
-        """Request a start, with all protection against accidents."""
-
-    def send(self, function: str, behavior: str = "") -> None:
-        """Send a task to the engine, without waiting."""
-
-    def request_control(self, verb: ControlVerb) -> None:
-        """Take, ask for, give or release control, without waiting."""
 
 
 DIALOG_WIDTH = 58

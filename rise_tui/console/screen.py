@@ -22,20 +22,10 @@ from rise_tui.console.layout import Layout
 from rise_tui.console.questions import Confirmations
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
-from rise_tui.messages import (
-    AskToStart,
-    AskToStepBack,
-    FocusPane,
-    RequestStart,
-    RunAction,
-    ShowNotice,
-    ShowSelection,
-    SubmitTask,
-)
 from rise_tui.model.control import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
-from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.screens.palette import open_palette
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.typed_ahead import is_editing, takes_text
@@ -224,41 +214,25 @@ class ConsoleScreen(Screen[None]):
         """Show the wizard a notice."""
         self.session.show_notice(Notice(text, level))
 
-    @on(SubmitTask)
-    def _submit_task(self, event: SubmitTask) -> None:
-        self.send(event.function, event.behavior)
+    def focus_pane(self, name: str) -> None:
+        """Bring a pane to the front and give it the focus."""
+        self.pane_layout.focus_pane(name)
 
-    @on(RequestStart)
-    def _request_start(self, event: RequestStart) -> None:
-        self.start(event.action)
-
-    @on(AskToStart)
-    def _ask_to_start(self, event: AskToStart) -> None:
-        self.confirmations.ask_to_start(event.rule, event.state)
-
-    @on(AskToStepBack)
-    def _ask_to_step_back(self, event: AskToStepBack) -> None:
-        self.confirmations.ask_to_step_back(event.rule)
-
-    @on(RunAction)
-    def _run_action(self, event: RunAction) -> None:
-        self.action_do(event.action)
-
-    @on(FocusPane)
-    def _focus_pane(self, event: FocusPane) -> None:
-        self.pane_layout.focus_pane(event.pane)
-
-    @on(ShowNotice)
-    def _show_notice(self, event: ShowNotice) -> None:
-        self.show_notice(event.text)
-
-    @on(ShowSelection)
-    def _show_selection(self, event: ShowSelection) -> None:
-        if event.pane == "acts":
-            self.store.shown_act = event.name
+    def show_selection(self, pane: str, name: str) -> None:
+        """Show another act or rule in its pane."""
+        if pane == "acts":
+            self.store.shown_act = name
         else:
-            self.store.shown_rule = event.name
+            self.store.shown_rule = name
         self.refresh_scheduler.repaint_panes("act", "rule")
+
+    def ask_to_start(self, rule: str, state: str) -> None:
+        """Ask whether to start a rule in one of its states."""
+        self.confirmations.ask_to_start(rule, state)
+
+    def ask_to_step_back(self, rule: str) -> None:
+        """Ask whether a rule should go back one step."""
+        self.confirmations.ask_to_step_back(rule)
 
     # --- actions of the registry --------------------------------------------------------------------------------------
 
@@ -283,7 +257,7 @@ class ConsoleScreen(Screen[None]):
             "help": lambda: overlays.open_help(self, self._focused_scope),
             "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
             "tour": self.open_tour,
-            "redraw": self._redraw,
+            "redraw": lambda: repaint_everything(self.app),
             "lists": self.pane_layout.focus_next_list,
             "next-pane": self.pane_layout.focus_next_pane,
             "previous-pane": lambda: self.pane_layout.focus_next_pane(-1),
@@ -331,10 +305,6 @@ class ConsoleScreen(Screen[None]):
         store = self.store
         opens = overlays.open_editor(self.app, store.scenario.folder, self.show_notice, runs=not store.gone_reason)
         self.app.run_worker(opens)
-
-    def _redraw(self) -> None:
-        if isinstance(self.app, TerminalApp):
-            self.app.repaint_everything()
 
     # --- the tour -----------------------------------------------------------------------------------------------------
 

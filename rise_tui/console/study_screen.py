@@ -25,16 +25,9 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
 from rise_tui.config.keymap import KeyFile, how_to_fix
-from rise_tui.config.study_source import (
-    SessionPreview,
-    SessionRequest,
-    StartedSession,
-    StudyNow,
-    StudySource,
-)
+from rise_tui.config.study_source import SessionPreview, SessionRequest, StartedSession, StudyNow, StudySource
 from rise_tui.console import overlays, study_dialogs
 from rise_tui.console.study_lists import StudyLists
-from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
 from rise_tui.model.study_rows import (
     NO_CONDITIONS,
@@ -45,7 +38,7 @@ from rise_tui.model.study_rows import (
     running_people,
     running_rehearsal,
 )
-from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.help import HelpScreen, study_help_entries
 from rise_tui.screens.palette import open_palette, study_commands
@@ -200,13 +193,6 @@ class StudyScreen(Screen[None]):
 
     # --- actions of the registry ------------------------------------------------------------------------------------
 
-    @on(RunAction)
-    def _run_action(self, event: RunAction) -> None:
-        if event.action == "quit":
-            self.app.run_worker(self.app.run_action("quit"))
-        else:
-            self.action_do(event.action)
-
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry that works here."""
         calls: dict[str, Callable[[], object]] = {
@@ -221,7 +207,8 @@ class StudyScreen(Screen[None]):
             "help": lambda: self.app.push_screen(HelpScreen(study_help_entries())),
             "palette": lambda: open_palette(self.app, study_commands(self.action_do)),
             "theme": lambda: open_palette(self.app, (), "theme"),
-            "redraw": self._redraw,
+            "redraw": lambda: repaint_everything(self.app),
+            "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
             "edit-study": self._edit,
         }
         if self.busy and action.startswith("study."):
@@ -238,10 +225,6 @@ class StudyScreen(Screen[None]):
     def _reload(self) -> None:
         self.say("reading the study …")
         self.read()
-
-    def _redraw(self) -> None:
-        if isinstance(self.app, TerminalApp):
-            self.app.repaint_everything()
 
     def stop_pressed(self) -> None:
         """Handle the stop key: stop a session that is starting, or that runs without a console here, immediately."""

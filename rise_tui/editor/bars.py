@@ -11,15 +11,7 @@ from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredStudy, explored_line
 from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.key_labels import first_key_label
-from rise_tui.rendering.text import (
-    StyledLine,
-    StyledSpan,
-    align_at_both_ends,
-    clean,
-    crop,
-    line_width,
-    shorten,
-)
+from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, crop, line_width, shorten
 from rise_tui.widgets.bars import KeyHints
 from rise_tui.widgets.static_lines import StaticLines
 

@@ -12,6 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input
 
 from rise_engine.author.edit.drafts import Draft
+from rise_engine.author.edit.remedies import remedies
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editor.model.draft import StudyDraft
@@ -389,7 +390,7 @@ def _show_steps(frame: EditFrame, app: App[object], finding: ExploredPlace, now:
 
 
 def _show_remedies(frame: EditFrame, finding: Diagnostic) -> None:
-    found = frame.study.remedies(finding)
+    found = remedies(finding, frame.study.workspace.state)
     text = clean(finding.message)
     if not found:
         frame.say(f"only you can decide what is right here: {text}", "wait")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
 from textual import work
 from textual.app import App
 from textual.screen import Screen
@@ -19,16 +20,16 @@ from textual.screen import Screen
 from rise_engine.author.edit.drafts import Draft
 from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.workspace import Change
+from rise_engine.author.edit.workspace import Change, Workspace
 from rise_engine.base.text import clean, pluralize
 from rise_tui.editor import dialogs
 from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, is_study_alone
 from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.page import EditPage
-from rise_tui.editor.study import EditedStudy, Explorer, ExploringBeside, NoSessions, RunningHere, SessionWatch
+from rise_tui.editor.study import EditedStudy, Explorer, RunningHere, SessionWatch
 from rise_tui.model.notice import Level
-from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.typed_ahead import EDITOR
 from rise_tui.widgets.study_bars import StudyNotice
@@ -107,8 +108,7 @@ async def _run(app: App[Any], frame: StudyFrame, path: str, line: int) -> None:
             await asyncio.to_thread(subprocess.run, arguments, check=False)
     except OSError as error:
         frame.say(f"{arguments[0]} could not be started ({error.strerror}): name your editor in $EDITOR", "fault")
-    if isinstance(app, TerminalApp):
-        app.repaint_everything()
+    repaint_everything(app)
 
 
 class StudyFrame(Screen[None]):
@@ -128,11 +128,11 @@ class StudyFrame(Screen[None]):
         :param explorer: explores the study when it is opened and after each save; None: nothing does.
         """
         super().__init__(classes=EDITOR)
-        self.study, self._sessions = study, sessions or NoSessions()
+        self.study, self._sessions, self._explorer = study, sessions, explorer
         self._may_suspend = may_suspend
-        self._exploring = ExploringBeside(explorer)
+        self.explored = ExploredStudy()
+        """What exploring has found in the saved files."""
         self.running: RunningHere | None = None
-        self._has_stop = sessions is not None
         self.notice = StudyNotice()
         self._is_closing = False
         self._works = 0
@@ -157,11 +157,6 @@ class StudyFrame(Screen[None]):
         self._work(self._offer_draft())
         self._explore()
 
-    @property
-    def explored(self) -> ExploredStudy:
-        """What exploring has found."""
-        return self._exploring.found
-
     def say(self, sentence: str, level: Level = "info") -> None:
         self.notice.draw(clean(sentence), level)
 
@@ -178,7 +173,7 @@ class StudyFrame(Screen[None]):
             self.attempt(then)
 
     async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
-        change = await self.study.apply(*edits)
+        change = await self.study.do("changing", lambda workspace: workspace.apply(*edits))
         self._said(change)
         self.draw()
         if then is not None:
@@ -206,8 +201,13 @@ class StudyFrame(Screen[None]):
         sentence = "; ".join((*change.says, *change.noticed))
         self.say(f"{verb}{sentence}", "wait" if change.noticed else "info")
 
-    async def _step(self, step: Coroutine[Any, Any, Change | None], verb: str, nothing: str) -> None:
-        change = await step
+    async def _undo(self) -> None:
+        self._say_step(await self.study.do("undoing", Workspace.undo), "taken back", "there is nothing to undo")
+
+    async def _redo(self) -> None:
+        self._say_step(await self.study.do("redoing", Workspace.redo), "made again", "nothing was taken back")
+
+    def _say_step(self, change: Change | None, verb: str, nothing: str) -> None:
         if change is None:
             self.say(nothing, "wait")
         else:
@@ -217,13 +217,26 @@ class StudyFrame(Screen[None]):
     # --- exploring ---------------------------------------------------------------------------------------------------
 
     def _explore(self) -> None:
-        """Explore the saved files, beside everything else. This cancels an earlier exploration."""
-        self.workers.cancel_group(self, "explore")
-        if not is_study_alone(self.study.draft) and self._exploring.ask(self.study.draft):
-            self.run_worker(self._explore_saved(self.study.draft), group="explore")
+        """Explore the saved files, beside everything else. This cancels an earlier exploration.
 
-    async def _explore_saved(self, draft: StudyDraft) -> None:
-        await self._exploring.explore(draft)
+        Files with errors that are known here are not explored.
+        """
+        self.workers.cancel_group(self, "explore")
+        draft, explorer = self.study.draft, self._explorer
+        if is_study_alone(draft):
+            return
+        has_errors = bool(draft.checked.errors) and not draft.changed_files
+        is_asked = explorer is not None and not has_errors
+        self.explored = replace(self.explored, is_asked_again=is_asked, has_failed=False)
+        if explorer is not None and is_asked:
+            self.run_worker(self._explore_saved(draft, explorer), group="explore")
+
+    async def _explore_saved(self, draft: StudyDraft, explorer: Explorer) -> None:
+        found = await explorer(draft.folder)
+        if found is not None:
+            self.explored = replace(found, files=draft.saved)
+        else:
+            self.explored = replace(self.explored, is_asked_again=False, has_failed=True)
         self.draw()
 
     # --- outside changes and earlier drafts --------------------------------------------------------------------------
@@ -236,16 +249,17 @@ class StudyFrame(Screen[None]):
     @work(group="watch", exclusive=True)
     async def look_outside(self) -> None:
         """Look for changed files and for a new session now."""
-        found = await asyncio.to_thread(self._sessions.find, Path(self.study.draft.folder))
-        if found != self.running:
-            self.running = found
-            self.draw_bars()
+        if self._sessions is not None:
+            found = await asyncio.to_thread(self._sessions.find, Path(self.study.draft.folder))
+            if found != self.running:
+                self.running = found
+                self.draw_bars()
         await self._look_outside(settled=True)
 
     async def _look_outside(self, *, settled: bool = False) -> bool:
         """Read what somebody else has written. True: the author must decide which version stays."""
         try:
-            outside = await self.study.notice_outside(settled=settled)
+            outside = await self.study.do("", lambda workspace: workspace.notice_outside(settled=settled))
         except EditRefused as refused:
             self.say(str(refused), "fault")
             return True
@@ -264,12 +278,12 @@ class StudyFrame(Screen[None]):
         dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
 
     async def _take_outside(self, files: Sequence[str]) -> None:
-        self._said(await self.study.take_outside(files))
+        self._said(await self.study.do("changing", lambda workspace: workspace.take_outside(files)))
         self.draw()
 
     async def _offer_draft(self) -> None:
         """Offer the unsaved changes of an earlier editor before anything is changed."""
-        draft = await self.study.read_draft()
+        draft = await self.study.do("", lambda workspace: workspace.draft)
         if draft is None:
             return
 
@@ -277,14 +291,14 @@ class StudyFrame(Screen[None]):
             if key == "t":
                 self._work(self._take_up(draft))
             elif key == "d":
-                self._work(self.study.discard_draft())
+                self._work(self.study.do("", Workspace.discard_draft))
             else:
                 self.close()
 
         self.app.push_screen(dialogs.draft_dialog(draft), answer)
 
     async def _take_up(self, draft: Draft) -> None:
-        outside = await self.study.take_up(draft)
+        outside = await self.study.do("reading the draft", lambda workspace: workspace.take_up_draft(draft))
         self.say("your changes are restored: ctrl+o saves them")
         self.draw()
         if outside.clash:
@@ -298,15 +312,14 @@ class StudyFrame(Screen[None]):
         if not self.study.draft.changed_files:
             self.say("nothing to save")
             return
-        diff = self.study.diff()
-        self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
+        self.app.push_screen(SaveDialog(self.study.draft, self.study.workspace.diff()), self._save_if)
 
     def _save_if(self, yes: bool | None) -> None:
         if yes:
             self._work(self._save())
 
     async def _save(self) -> None:
-        report = await self.study.save()
+        report = await self.study.do("saving", Workspace.save)
         self._explore()
         after = "; the session that runs goes on with its own copy" if self.running is not None else ""
         self.say(f"saved: {', '.join(report.files)}{after}")
@@ -328,14 +341,14 @@ class StudyFrame(Screen[None]):
 
     def stop_pressed(self) -> None:
         """Handle the stop key, if the console below has none of its own."""
-        if self.running is None:
+        if self.running is None or self._sessions is None:
             self.say("no session of this study runs here")
         else:
             self.say("sending STOP …", "fault")
-            self.run_worker(self._stop(self.running), group="stop")
+            self.run_worker(self._stop(self._sessions, self.running), group="stop")
 
-    async def _stop(self, session: RunningHere) -> None:
-        self.say(await asyncio.to_thread(self._sessions.stop, session), "fault")
+    async def _stop(self, sessions: SessionWatch, session: RunningHere) -> None:
+        self.say(await asyncio.to_thread(sessions.stop, session), "fault")
 
     def ask_to_leave(self) -> None:
         """Close the editor; with unsaved changes, ask first."""

@@ -183,7 +183,7 @@ class EditPage(Vertical):
             made = edits()
             if not made:
                 return []
-            checked = self.frame.study.preview(*made)
+            checked = self.frame.study.workspace.preview(*made)
             return note_of(first_new_finding(self.draft, checked, but=self.EXPECTED))
         except EditRefused as refused:
             return [FieldNote("error", clean(str(refused)))]

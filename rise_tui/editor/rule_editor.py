@@ -27,14 +27,7 @@ from rise_tui.editor.model.state_forms import (
     transition_values,
     why_not_editable,
 )
-from rise_tui.editor.model.state_parts import (
-    PartRow,
-    id_of_call,
-    movement,
-    removal,
-    state_parts,
-    use_of,
-)
+from rise_tui.editor.model.state_parts import PartRow, id_of_call, movement, removal, state_parts, use_of
 from rise_tui.editor.model.statement_forms import CallRuleForm, ConditionRuleForm, TemplateValueForm, call_values
 from rise_tui.editor.rule_display import RuleDisplay
 

@@ -30,9 +30,8 @@ from rise_tui.editor.study_page import StudyPage
 from rise_tui.editor.tables_page import TablesPage
 from rise_tui.editor.texts_page import TextsPage
 from rise_tui.key_labels import use_own_keys
-from rise_tui.messages import RunAction
 from rise_tui.rendering import themes
-from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rendering.terminal_app import TerminalApp, repaint_everything
 from rise_tui.screens.help import HelpScreen, edit_help_entries
 from rise_tui.screens.palette import edit_commands, open_palette
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
@@ -188,14 +187,10 @@ class EditScreen(StudyFrame):
         if self.page.is_typing:
             self.hints.draw_typing()
         else:
-            stops = self.running is not None or not self._has_stop
+            stops = self.running is not None or self._sessions is None
             self.hints.draw(self.page.hints, self.page.own_hints, stops=stops)
 
     # --- actions of the registry ------------------------------------------------------------------------------------
-
-    @on(RunAction)
-    def _run_action(self, event: RunAction) -> None:
-        self.action_do(event.action)
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry that works here; the page comes first."""
@@ -208,8 +203,8 @@ class EditScreen(StudyFrame):
     @property
     def _calls(self) -> Mapping[str, Callable[[], object]]:
         return {
-            "edit.undo": lambda: self._work(self._step(self.study.undo(), "taken back", "there is nothing to undo")),
-            "edit.redo": lambda: self._work(self._step(self.study.redo(), "made again", "nothing was taken back")),
+            "edit.undo": lambda: self._work(self._undo()),
+            "edit.redo": lambda: self._work(self._redo()),
             "edit.save": lambda: self._work(self._ask_to_save()),
             "edit.findings": lambda: choose_finding(self, self.app),
             "edit.file": lambda: self._work(self._open_file()),
@@ -219,14 +214,10 @@ class EditScreen(StudyFrame):
             "help": lambda: self.app.push_screen(HelpScreen(edit_help_entries())),
             "palette": lambda: open_palette(self.app, edit_commands(self.action_do)),
             "theme": lambda: open_palette(self.app, (), "theme"),
-            "redraw": self._redraw,
+            "redraw": lambda: repaint_everything(self.app),
             "stop": self.stop_pressed,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
         }
-
-    def _redraw(self) -> None:
-        if isinstance(self.app, TerminalApp):
-            self.app.repaint_everything()
 
     def _go_home(self) -> None:
         if self.opened is not None:

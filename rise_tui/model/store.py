@@ -42,13 +42,7 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import ActView, RuleView, SessionView
-from rise_engine.run.protocol.client import (
-    AttachReply,
-    ClientUpdate,
-    Heartbeat,
-    JournalStatus,
-    ShadowStatus,
-)
+from rise_engine.run.protocol.client import AttachReply, ClientUpdate, Heartbeat, JournalStatus, ShadowStatus
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
 from rise_engine.scenario.reading.lexicon import RobotWording
 from rise_tui.model import control

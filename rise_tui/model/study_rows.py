@@ -86,11 +86,6 @@ def condition_names(study: Study) -> list[str]:
     return [name for levels in product(*(factor.levels for factor in study.factors)) if (name := _join(levels))]
 
 
-def _describe(study: Study, levels: tuple[Level, ...]) -> str:
-    pairs = zip(study.factors, levels, strict=True)
-    return ", ".join(f"{factor.name}: {level.label or level.name}" for factor, level in pairs)
-
-
 def _join(levels: tuple[Level, ...], *, named: bool = True) -> str:
     return "+".join(level.name if named else level.label or level.name for level in levels)
 

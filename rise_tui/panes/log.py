@@ -11,7 +11,6 @@ from rise_engine.base.time_slicer import TimeSlicer
 from rise_engine.kernel.records import FINAL
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
-from rise_tui.messages import ShowNotice
 from rise_tui.model.filtering import InvalidFilter, RowSearch, mark_line
 from rise_tui.model.log_rows import row_of, task_of
 from rise_tui.model.log_text import EXAMPLES, NARROW, log_line, parse_moment, search_text, task_rows
@@ -185,7 +184,7 @@ class LogPane(Pane):
         event.stop()
         task = self.selected_task
         if task is not None and task.reason:
-            self.post_message(ShowNotice(f"{task_label(task.function, task.behavior)}: {task.reason}"))
+            self.host.show_notice(f"{task_label(task.function, task.behavior)}: {task.reason}")
 
     @on(TaskLog.FollowChanged)
     def _follow_changed(self, event: TaskLog.FollowChanged) -> None:
@@ -210,16 +209,16 @@ class LogPane(Pane):
                 self.open_bar(self.time_bar)
             case "log.copy":
                 if (task := self.selected_task) is not None:
-                    self.post_message(ShowNotice(copy_row(self.app, task)))
+                    self.host.show_notice(copy_row(self.app, task))
             case "log.copy-all":
-                self.post_message(ShowNotice(copy_rows(self.app, self.store, self.task_log.ids)))
+                self.host.show_notice(copy_rows(self.app, self.store, self.task_log.ids))
             case "log.save":
                 self.open_bar(self.save_bar, suggested_file_name(self.store.now()))
 
     def _open_details(self) -> None:
         """Show everything about the selected task. The arrows go on to its neighbours."""
         if self.selected_task is None:
-            self.post_message(ShowNotice("no task is selected"))
+            self.host.show_notice("no task is selected")
             return
 
         def step(direction: int) -> None:
@@ -264,7 +263,7 @@ class LogPane(Pane):
         try:
             moment = parse_moment(event.bar.text, self.store.now())
         except InvalidFilter as why:
-            self.post_message(ShowNotice(str(why)))
+            self.host.show_notice(str(why))
             return
         self._close_bar(event.bar)
         self.go_to_time(moment)
@@ -280,7 +279,7 @@ class LogPane(Pane):
             saved = await save_rows(self.store, name, self.task_log.ids)
         finally:
             self._saving = False
-        self.post_message(ShowNotice(saved.notice))
+        self.host.show_notice(saved.notice)
         if saved.written and self.save_bar.is_open:
             self._close_bar(self.save_bar)
 
@@ -303,4 +302,4 @@ class LogPane(Pane):
         found = submitted(ids[index])
         notice = f"the row nearest to {format_clock(moment)} is at {format_clock(found, tenths=True)}"
         missing = f"; {self.store.forgotten_text}" if index == 0 and self.store.forgotten_text else ""
-        self.post_message(ShowNotice(notice + missing))
+        self.host.show_notice(notice + missing)

@@ -12,7 +12,6 @@ from textual.widget import Widget
 from rise_engine.kernel.view import MemoryView
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
-from rise_tui.messages import ShowNotice, SubmitTask
 from rise_tui.model.log_text import value_rows
 from rise_tui.model.memory_changes import (
     JsonPath,
@@ -186,7 +185,7 @@ class MemoryPane(ListPane):
         elif action == "memory.fold":
             self._fold(path)
         elif reason := why_blocked(self.store, "change"):
-            self.post_message(ShowNotice(reason))
+            self.host.show_notice(reason)
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
@@ -195,9 +194,9 @@ class MemoryPane(ListPane):
             if action != "memory.delete":
                 self._open_editor((), *(self.store.last_deletion or ("", None)))
         elif not path:
-            self.post_message(ShowNotice("no key is selected"))
+            self.host.show_notice("no key is selected")
         elif (name := str(path[0])) in self.store.scenario.tables:
-            self.post_message(ShowNotice(f"{name} is a table and cannot be changed here; edit tables/{name}.csv"))
+            self.host.show_notice(f"{name} is a table and cannot be changed here; edit tables/{name}.csv")
         elif action == "memory.edit":
             self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
@@ -213,19 +212,19 @@ class MemoryPane(ListPane):
         key, value = str(path[0]), self._value_at(path)
         if len(path) == 1:
             self.store.last_deletion = (key, value)
-            self.post_message(SubmitTask("deleteValue", key))
+            self.host.send("deleteValue", key)
         else:
             self._assign(key, with_removed(self.store.view.memory[key].value, path[1:]))
-        self.post_message(ShowNotice(f"deleting {path_text(path)} = {format_value(value)}; undo (^U) brings it back"))
+        self.host.show_notice(f"deleting {path_text(path)} = {format_value(value)}; undo (^U) brings it back")
 
     def _undo(self) -> None:
         step = self.store.undo_stack.next_step(self.store.view.memory)
         if step.kind == "do" and any(sent.behavior == step.behavior for sent in self.store.sent.values()):
-            self.post_message(ShowNotice("the last undo is still on its way"))
+            self.host.show_notice("the last undo is still on its way")
             return
-        self.post_message(ShowNotice(step.said))
+        self.host.show_notice(step.said)
         if step.kind == "do":
-            self.post_message(SubmitTask(step.function, step.behavior))
+            self.host.send(step.function, step.behavior)
 
     # --- parts of a value ---------------------------------------------------------------------------------------------
 
@@ -302,11 +301,11 @@ class MemoryPane(ListPane):
             try:
                 value = with_replaced(self.store.view.memory[key].value, path[1:], event.value)
             except LookupError:
-                self.post_message(ShowNotice(f"{event.key} is gone: {key} has changed; nothing was sent"))
+                self.host.show_notice(f"{event.key} is gone: {key} has changed; nothing was sent")
                 return
         if self.store.last_deletion is not None and self.store.last_deletion[0] == key:
             self.store.last_deletion = None
         self._assign(key, value)
 
     def _assign(self, key: str, value: Any) -> None:
-        self.post_message(SubmitTask("assignValue", json.dumps({key: value}, ensure_ascii=False)))
+        self.host.send("assignValue", json.dumps({key: value}, ensure_ascii=False))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import ClassVar, cast
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -12,16 +12,10 @@ from textual.containers import Vertical
 from textual.widget import Widget
 
 from rise_tui.actions import BY_ID, KeyScope
-from rise_tui.messages import FocusPane, ShowNotice
 from rise_tui.model.filtering import Filter, InvalidFilter, filter_rows, mark_line
 from rise_tui.model.store import Store, StorePart
-from rise_tui.rendering.text import (
-    ListRow,
-    StyledLine,
-    StyledSpan,
-    align_at_both_ends,
-    line_width,
-)
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, line_width
+from rise_tui.requests import ConsoleHost
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -76,7 +70,7 @@ class TitleBar(StaticLines):
     def on_click(self, event: events.Click) -> None:
         for start, end, pane in self._tab_spans:
             if start <= event.x < end:
-                self.post_message(FocusPane(pane))
+                cast(ConsoleHost, self.screen).focus_pane(pane)
 
 
 class Pane(Vertical):
@@ -107,6 +101,11 @@ class Pane(Vertical):
         self.title = TitleBar(self.SCOPE, self.TITLE)
         self._filled = False
         self.filter_bar = PromptBar("find ", "words, !not, /regular expression; esc clears")
+
+    @property
+    def host(self) -> ConsoleHost:
+        """The console around it."""
+        return cast(ConsoleHost, self.screen)
 
     @property
     @abstractmethod
@@ -152,7 +151,7 @@ class Pane(Vertical):
     def action_do(self, action: str) -> None:
         """Like `carry_out`, but ending or deleting waits until the wizard can have seen the affected row."""
         if self.row_view.was_just_displaced and "delete" in BY_ID[action].keys:
-            self.post_message(ShowNotice("the list has just changed; press again"))
+            self.host.show_notice("the list has just changed; press again")
         else:
             self.carry_out(action)
 
@@ -224,7 +223,7 @@ class Pane(Vertical):
         if event.bar is self.filter_bar:
             event.stop()
             if self.filter_problem:
-                self.post_message(ShowNotice(f"not a valid filter yet: {self.filter_problem}"))
+                self.host.show_notice(f"not a valid filter yet: {self.filter_problem}")
             else:
                 self.close_filter(keep=True)
 

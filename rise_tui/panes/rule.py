@@ -13,7 +13,6 @@ from rise_engine.kernel.record_words import trigger_text
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
-from rise_tui.messages import AskToStart, AskToStepBack, RequestStart, ShowNotice
 from rise_tui.model.control import KeyAction
 from rise_tui.model.states import HERE, GraphPosition, draw_state_graph, rule_state
 from rise_tui.model.store import Store
@@ -209,7 +208,7 @@ class RulePane(ListPane):
     def carry_out(self, action: str) -> None:
         if action == "rule.back":
             shown = self._shown_rule
-            self.post_message(AskToStepBack(shown.name if shown is not None else ""))
+            self.host.ask_to_step_back(shown.name if shown is not None else "")
             return
         if self.graph.has_focus:
             self._ask_to_start()
@@ -217,22 +216,22 @@ class RulePane(ListPane):
         kind, _, index = self.row_list.current_id.partition(":")
         rule = self._shown_rule
         if rule is None or kind != "now":
-            self.post_message(ShowNotice("no transition is selected"))
+            self.host.show_notice("no transition is selected")
             return
         view = self.store.rule(rule.name)
         transitions = rule.states[view.state].transitions if view.state in rule.states else ()
         event = transitions[int(index)].event if int(index) < len(transitions) else None
         if event is None:
-            self.post_message(ShowNotice("this transition waits for no event"))
+            self.host.show_notice("this transition waits for no event")
         elif by_engine := engine_raises_text(self.store.scenario, event):
-            self.post_message(ShowNotice(by_engine))
+            self.host.show_notice(by_engine)
         else:
-            self.post_message(RequestStart(KeyAction("raiseEventTopic", event)))
+            self.host.start(KeyAction("raiseEventTopic", event))
 
     def _ask_to_start(self) -> None:
         """Ask whether to start the rule in the state under the cursor."""
         rule, state = self._shown_rule, self.graph.current_id.partition(":")[2]
         if rule is None or state not in rule.states:
-            self.post_message(ShowNotice("no state is selected"))
+            self.host.show_notice("no state is selected")
         else:
-            self.post_message(AskToStart(rule.name, state))
+            self.host.ask_to_start(rule.name, state)

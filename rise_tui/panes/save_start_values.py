@@ -17,7 +17,6 @@ from rise_engine.scenario.files.file_names import DEFAULT_PATHS
 from rise_engine.scenario.files.study_paths import why_not_written
 from rise_engine.scenario.model import SESSION, Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_tui.messages import ShowNotice
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import clean, crop, format_value, plain_text
 from rise_tui.screens.dialog import Dialog, DialogChoice
@@ -47,12 +46,12 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     try:
         path = await asyncio.to_thread(memory_file_path, scenario)
     except EditRefused as why:
-        pane.post_message(ShowNotice(f"not saved: {why}"))
+        pane.host.show_notice(f"not saved: {why}")
         return
     memory = saveable_memory(scenario, pane.store.view.memory)
     differing = describe_changes(scenario.memory, memory)
     if not differing:
-        pane.post_message(ShowNotice("the memory is as it was at the start: nothing to save"))
+        pane.host.show_notice("the memory is as it was at the start: nothing to save")
         return
     lines = ["Later sessions of this scenario begin with:"]
     lines += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
@@ -74,10 +73,10 @@ async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: Mappi
     try:
         await asyncio.to_thread(save_memory, path, before, memory)
     except EditRefused as why:
-        pane.post_message(ShowNotice(f"not saved: {why}"))
+        pane.host.show_notice(f"not saved: {why}")
         return
     what = "1 start value" if changed == 1 else f"{changed} start values"
-    pane.post_message(ShowNotice(f"saved {what} in {path.name}; the rest is unchanged"))
+    pane.host.show_notice(f"saved {what} in {path.name}; the rest is unchanged")
 
 
 # --- the file; these functions block ----------------------------------------------------------------------------------

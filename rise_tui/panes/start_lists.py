@@ -7,11 +7,9 @@ from typing import ClassVar
 
 from rich.cells import cell_len
 from textual import on
-from textual.message import Message
 
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
-from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.control import start_action
 from rise_tui.model.notice import act_label
 from rise_tui.model.states import (
@@ -72,8 +70,8 @@ class StartListPane(ListPane):
         """The names in the list that a running rule waits for."""
 
     @abstractmethod
-    def stop_message(self, name: str) -> Message:
-        """The message that stops an act or a rule, or that says that there is nothing to stop."""
+    def stop(self, name: str) -> None:
+        """Stop an act or a rule, or say that there is nothing to stop."""
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
         if changed & (self.PARTS - self.EXPECTATION_PARTS):
@@ -93,18 +91,18 @@ class StartListPane(ListPane):
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         event.stop()
         name = event.rows.current_id
-        self.post_message(ShowSelection(self.SCOPE, name))
+        self.host.show_selection(self.SCOPE, name)
         if name and (reason := self.why_blocked(name)):
-            self.post_message(ShowNotice(f"{name} cannot be started: {reason}"))
+            self.host.show_notice(f"{name} cannot be started: {reason}")
 
     def carry_out(self, action: str) -> None:
         name = self.row_list.current_id
         if not name:
-            self.post_message(ShowNotice(f"no {self.SCOPE.removesuffix('s')} is selected"))
+            self.host.show_notice(f"no {self.SCOPE.removesuffix('s')} is selected")
         elif action in ("acts.start", "rules.start"):
-            self.post_message(RequestStart(start_action(self.store.scenario, self.FUNCTION, name)))
+            self.host.start(start_action(self.store.scenario, self.FUNCTION, name))
         else:
-            self.post_message(self.stop_message(name))
+            self.stop(name)
 
 
 class ActsPane(StartListPane):
@@ -178,13 +176,14 @@ class ActsPane(StartListPane):
             return f"{elapsed}/{format_seconds(typical)}" if wide and typical is not None else elapsed
         return f"~{format_duration(typical)}" if wide and typical is not None else ""
 
-    def stop_message(self, name: str) -> Message:
+    def stop(self, name: str) -> None:
         act = self.store.act(name)
         if act.running:
-            return SubmitTask("stopCommunicationRobotAct", name)
-        if act.waiting:
-            return SubmitTask("cancelTask", str(act.waiting[0]))
-        return ShowNotice(f"{name} is not running or queued")
+            self.host.send("stopCommunicationRobotAct", name)
+        elif act.waiting:
+            self.host.send("cancelTask", str(act.waiting[0]))
+        else:
+            self.host.show_notice(f"{name} is not running or queued")
 
 
 class RulesPane(StartListPane):
@@ -232,6 +231,8 @@ class RulesPane(StartListPane):
             rows.append(ListRow(name, spans))
         return rows
 
-    def stop_message(self, name: str) -> Message:
-        running = self.store.rule(name).running
-        return SubmitTask("stopInteractionRule", name) if running else ShowNotice(f"{name} is not running")
+    def stop(self, name: str) -> None:
+        if self.store.rule(name).running:
+            self.host.send("stopInteractionRule", name)
+        else:
+            self.host.show_notice(f"{name} is not running")

@@ -9,7 +9,6 @@ from textual.widget import Widget
 
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
-from rise_tui.messages import ShowNotice, SubmitTask
 from rise_tui.model.act_text import ActText, running_action, shown_act
 from rise_tui.model.log_text import task_rows
 from rise_tui.model.states import SENT, act_progress, task_state
@@ -160,24 +159,22 @@ class SchedulerPane(ListPane):
 
     def carry_out(self, action: str) -> None:
         if not self.row_list.current_id:
-            self.post_message(ShowNotice("nothing is running or waiting"))
+            self.host.show_notice("nothing is running or waiting")
             return
         task, waiting = int(self.row_list.current_id), self.store.view.waiting
         if action == "scheduler.details":
             self._open_details(task)
         elif action == "scheduler.cancel":
-            self.post_message(SubmitTask("cancelTask", str(task)))
+            self.host.send("cancelTask", str(task))
         elif task not in waiting:
-            self.post_message(ShowNotice("this task is already running; only waiting ones can be moved"))
+            self.host.show_notice("this task is already running; only waiting ones can be moved")
         else:
             index = waiting.index(task)
             position = {"scheduler.earlier": index - 1, "scheduler.later": index + 1}.get(action, 0)
             if 0 <= position < len(waiting) and position != index:
-                self.post_message(SubmitTask("moveTask", f"{task} {position}"))
+                self.host.send("moveTask", f"{task} {position}")
             else:
-                self.post_message(
-                    ShowNotice("it is already the last one" if position > index else "it is already next")
-                )
+                self.host.show_notice("it is already the last one" if position > index else "it is already next")
 
     def _open_details(self, id: int) -> None:
         def rows(width: int) -> list[ListRow]:

@@ -109,6 +109,12 @@ class TerminalApp(App[Any]):
             await super().on_event(event)
 
 
+def repaint_everything(app: App[Any]) -> None:
+    """Write every cell again, if the app is on a terminal of ours."""
+    if isinstance(app, TerminalApp):
+        app.repaint_everything()
+
+
 # --- keys, one after the other ----------------------------------------------------------------------------------------
 
 # Textual gives a key to the widget with the focus when the key arrives. Over a slow line several keys come in one

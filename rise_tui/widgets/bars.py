@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 from rich.cells import cell_len
 from textual import events
@@ -11,7 +12,6 @@ from textual.geometry import Size
 from rise_engine.kernel.wizard_marks import filler_acts, next_filler
 from rise_tui.actions import BY_ID, ConsoleAction
 from rise_tui.key_labels import first_key_label, key_name, key_text, keys_of, why_unavailable
-from rise_tui.messages import RequestStart, RunAction
 from rise_tui.model import failures
 from rise_tui.model.alarms import alarm_lines, broken_recorders_text, current_alarms, degraded_text, shadow_line
 from rise_tui.model.control import action_of_key, control_lost_text
@@ -23,6 +23,7 @@ from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, plain_text, wrap
+from rise_tui.requests import ActionHost, ConsoleHost
 from rise_tui.widgets.static_lines import StaticLines, StoreLines
 
 NARROW = 100
@@ -146,7 +147,7 @@ class KeyHints(StaticLines):
     def on_click(self, event: events.Click) -> None:
         for start, end, action in self._targets:
             if start <= event.x < end:
-                self.post_message(RunAction(action))
+                cast(ActionHost, self.screen).action_do(action)
 
 
 def next_filler_name(store: Store) -> str | None:
@@ -241,8 +242,11 @@ class KeyStrip(StoreLines):
     def on_click(self, event: events.Click) -> None:
         for key, line, start, end in self._pieces:
             if line == event.y and start <= event.x < end:
-                action = RequestStart(action_of_key(self.store.scenario, key)) if key is not None else RunAction("help")
-                self.post_message(action)
+                host = cast(ConsoleHost, self.screen)
+                if key is not None:
+                    host.start(action_of_key(self.store.scenario, key))
+                else:
+                    host.action_do("help")
 
 
 LEAST_ROWS = 5
@@ -357,4 +361,4 @@ class FailureBar(StoreLines):
         columns = {id: line.find(key_name(id)) for id in ("repeat", "go-on", "stop-rule")}
         left_of_click = [id for id, at in columns.items() if 0 <= at <= event.x]
         if left_of_click:
-            self.post_message(RunAction(max(left_of_click, key=lambda id: columns[id])))
+            cast(ActionHost, self.screen).action_do(max(left_of_click, key=lambda id: columns[id]))

@@ -20,16 +20,7 @@ from rise_engine.author.trial.trial_state import (
 from rise_engine.kernel.record_words import trigger_text
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.editor.model.study_names import short_value
-from rise_tui.rendering.text import (
-    ListRow,
-    StyledLine,
-    StyledSpan,
-    TextRole,
-    align_at_both_ends,
-    crop,
-    fit,
-    wrap,
-)
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, align_at_both_ends, crop, fit, wrap
 
 GO_ON = "go"
 """The id of the row that lets time pass. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""

@@ -1,0 +1,53 @@
+"""What panes and bars request of the screen around them."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from textual.app import App
+
+from rise_engine.run.protocol.client import ControlVerb
+from rise_tui.model.control import KeyAction
+from rise_tui.model.notice import Level
+from rise_tui.model.store import Store
+
+
+class ActionHost(Protocol):
+    """A screen with actions of the registry."""
+
+    def action_do(self, action: str) -> None:
+        """Carry out an action of the registry, or say why not."""
+
+
+class ConsoleHost(ActionHost, Protocol):
+    """The console, for its panes and bars, and for what opens above it."""
+
+    @property
+    def app(self) -> App[Any]: ...
+
+    @property
+    def store(self) -> Store: ...
+
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        """Show the wizard a notice."""
+
+    def start(self, action: KeyAction) -> None:
+        """Request a start as carefully as by a key of the scenario, with all protection against accidents."""
+
+    def send(self, function: str, behavior: str = "") -> None:
+        """Send a task to the engine immediately, without waiting."""
+
+    def request_control(self, verb: ControlVerb) -> None:
+        """Take, ask for, give or release control, without waiting."""
+
+    def focus_pane(self, name: str) -> None:
+        """Bring a pane to the front and give it the focus."""
+
+    def show_selection(self, pane: str, name: str) -> None:
+        """Show another act or rule in its pane, because the wizard has selected it in the list `pane`."""
+
+    def ask_to_start(self, rule: str, state: str) -> None:
+        """Ask whether to start a rule in one of its states, and show what that would do."""
+
+    def ask_to_step_back(self, rule: str) -> None:
+        """Ask whether a rule should go back one step."""
