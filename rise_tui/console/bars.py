@@ -41,17 +41,53 @@ COMMON_ACTIONS = (
 )
 """Actions that the hint line shows for every pane."""
 
+FRAME_SECONDS = 1 / 15
+"""Seconds between two repaints while records pour in."""
+PAINTING_SHARE = 1 / 8
+"""The largest share of time for painting while records pour in, however slow painting is."""
+LONGEST_PAUSE_SECONDS = 0.5
+"""The longest pause, whatever the last frame took: on a busy machine, other programs may have taken the time."""
+NOTICE_SECONDS = 12.0
+NOTICE_LEAST_SECONDS = 1.0
+"""A notice stays at least this long, whatever the wizard presses."""
+TENTH_SECONDS = 0.1
+"""Seconds between two updates of the time since the cue, while it is counted."""
+
 
 class ConsoleBars:
-    """Created and composed by the console. `RefreshScheduler` decides when each is drawn."""
+    """All bars, composed by the console, and the rhythm in which they and the panes follow the store."""
 
-    def __init__(self, store: Store, panes: Layout) -> None:
+    def __init__(self, store: Store, panes: Layout, set_timer: Callable[[float, Callable[[], None]], Timer]) -> None:
         """`panes`: the area between the bars. The hints belong to the pane with the focus."""
-        self._store, self._panes = store, panes
+        self._store, self._panes, self._set_timer = store, panes, set_timer
         self.status_line, self.speech_band, self.shadow_bar = StatusLine(store), SpeechBand(store), ShadowBar(store)
         self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(store), AttentionBar(store), FailureBar(store)
         self.notice_line, self.mistake_line, self.note_line = NoticeLine(store), MistakeLine(store), NoteLine()
         self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(store), KeyHints()
+        self._dirty: set[StorePart] = set()
+        self._frame: Timer | None = None
+        self._cue_timer: Timer | None = None
+        self._spent = 0.0
+        """Seconds that drawing the latest frame took."""
+        self._painted = 0.0
+        """When that was, on the monotonic clock."""
+        self._notice: Notice | None = None
+        """The notice that is shown, and since when, on the monotonic clock."""
+        self._notice_at = 0.0
+        self._control_lost_at = 0.0
+        """Since when the line about lost control is shown, on the monotonic clock; 0 while it is not."""
+        self._has_rows = False, False
+        """Whether the log and the memory had rows when the hints were last drawn."""
+        self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
+            (frozenset({"status", "stop", "cue"}), self._draw_status),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), self.speech_band.draw),
+            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), self.key_strip.draw),
+            (frozenset({"status", "cue"}), self.shadow_bar.draw),
+            (frozenset({"status", "stop"}), self._draw_alarms),
+            (frozenset({"acts", "tasks", "status", "stop", "memory"}), self.failure_bar.draw),
+            (frozenset({"notice", "cue", "acts"}), self._draw_notice),
+        )
+        """The parts of the store that each bar shows."""
 
     def widgets_above(self) -> Iterator[Widget]:
         """The bars above the panes, from the top."""
@@ -113,55 +149,7 @@ class ConsoleBars:
         if not why_unavailable(BY_ID["control"], store) and (store.asker or not store.has_control):
             yield BY_ID["control"]
 
-
-FRAME_SECONDS = 1 / 15
-"""Seconds between two repaints while records pour in."""
-PAINTING_SHARE = 1 / 8
-"""The largest share of time for painting while records pour in, however slow painting is."""
-LONGEST_PAUSE_SECONDS = 0.5
-"""The longest pause, whatever the last frame took: on a busy machine, other programs may have taken the time."""
-NOTICE_SECONDS = 12.0
-NOTICE_LEAST_SECONDS = 1.0
-"""A notice stays at least this long, whatever the wizard presses."""
-TENTH_SECONDS = 0.1
-"""Seconds between two updates of the time since the cue, while it is counted."""
-
-
-class RefreshScheduler:
-    """The rhythm in which bars and panes follow the store."""
-
-    def __init__(
-        self,
-        store: Store,
-        panes: Layout,
-        bars: ConsoleBars,
-        set_timer: Callable[[float, Callable[[], None]], Timer],
-    ) -> None:
-        self._store, self._panes, self._bars, self._set_timer = store, panes, bars, set_timer
-        self._dirty: set[StorePart] = set()
-        self._frame: Timer | None = None
-        self._cue_timer: Timer | None = None
-        self._spent = 0.0
-        """Seconds that drawing the latest frame took."""
-        self._painted = 0.0
-        """When that was, on the monotonic clock."""
-        self._notice: Notice | None = None
-        """The notice that is shown, and since when, on the monotonic clock."""
-        self._notice_at = 0.0
-        self._control_lost_at = 0.0
-        """Since when the line about lost control is shown, on the monotonic clock; 0 while it is not."""
-        self._has_rows = False, False
-        """Whether the log and the memory had rows when the hints were last drawn."""
-        self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
-            (frozenset({"status", "stop", "cue"}), self._draw_status),
-            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.speech_band.draw),
-            (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.key_strip.draw),
-            (frozenset({"status", "cue"}), bars.shadow_bar.draw),
-            (frozenset({"status", "stop"}), self._draw_alarms),
-            (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.failure_bar.draw),
-            (frozenset({"notice", "cue", "acts"}), self._draw_notice),
-        )
-        """The parts of the store that each bar shows."""
+    # --- when to draw -----------------------------------------------------------------------------------------------
 
     def schedule(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
         """Paint changed parts of the store soon."""
@@ -180,33 +168,33 @@ class RefreshScheduler:
         """Draw every bar, changed or not."""
         for _, draw in self._draw_by_parts:
             draw()
-        self._bars.draw_open_lines()
-        self._bars.draw_hints()
+        self.draw_open_lines()
+        self.draw_hints()
 
     # --- updates by the clock ---------------------------------------------------------------------------------------
 
     def draw_every_second(self) -> None:
         """Draw what changes with the clock, once a second."""
-        bars, store = self._bars, self._store
-        bars.status_line.draw()
-        bars.speech_band.draw()
-        bars.speech_input.draw()
-        if store.cut_since is not None or store.silent_seconds or bars.alarm_bar.counts:
-            bars.alarm_bar.draw()
+        store = self._store
+        self.status_line.draw()
+        self.speech_band.draw()
+        self.speech_input.draw()
+        if store.cut_since is not None or store.silent_seconds or self.alarm_bar.counts:
+            self.alarm_bar.draw()
         if store.view.repeats:
-            bars.failure_bar.draw()
+            self.failure_bar.draw()
         self.repaint_panes("memory")
         if self._notice is not None and monotonic() - self._notice_at > NOTICE_SECONDS:
             self.clear_notice()
 
     def draw_every_half_second(self) -> None:
         """Draw running times twice a second, while something runs or waits."""
-        view, bars = self._store.view, self._bars
+        view = self._store.view
         if (view.running or view.waiting) and not self._store.gone_reason:
             self.repaint_panes("acts", "act", "scheduler")
-            bars.speech_input.draw()
+            self.speech_input.draw()
         if changes_by_tenths(self._store):
-            bars.speech_band.draw()
+            self.speech_band.draw()
 
     def _draw_every_tenth(self) -> None:
         """Draw ten times a second, while somebody waits for an answer."""
@@ -234,7 +222,7 @@ class RefreshScheduler:
         if lost and monotonic() - self._control_lost_at > NOTICE_LEAST_SECONDS:
             store.control_lost, self._control_lost_at = None, 0.0
             self.schedule({"status"})
-        shown = self._notice is not None and self._notice is store.notice and self._bars.notice_line.display
+        shown = self._notice is not None and self._notice is store.notice and self.notice_line.display
         if shown and monotonic() - self._notice_at > NOTICE_LEAST_SECONDS:
             store.notice = None
             self.schedule({"notice"})
@@ -255,24 +243,24 @@ class RefreshScheduler:
         for parts, draw in self._draw_by_parts:
             if dirty & parts:
                 draw()
-        if dirty & {"acts", "status", "stop"} or (self._bars.is_typing and dirty & {"tasks", "memory"}):
-            self._bars.draw_open_lines()
+        if dirty & {"acts", "status", "stop"} or (self.is_typing and dirty & {"tasks", "memory"}):
+            self.draw_open_lines()
         has_rows = bool(self._store.log.all), bool(self._store.view.memory)  # some actions need rows
         if dirty & {"acts", "status", "stop"} or has_rows != self._has_rows:
             self._has_rows = has_rows
-            self._bars.draw_hints()
+            self.draw_hints()
         self._spent = monotonic() - self._painted
 
     def _draw_status(self) -> None:
-        self._bars.status_line.draw()
+        self.status_line.draw()
         self._draw_in_a_tenth()
 
     def _draw_alarms(self) -> None:
         self._control_lost_at = (self._control_lost_at or monotonic()) if self._store.control_lost is not None else 0.0
-        self._bars.alarm_bar.draw()
-        self._bars.attention_bar.draw()
+        self.alarm_bar.draw()
+        self.attention_bar.draw()
 
     def _draw_notice(self) -> None:
         if self._store.notice is not self._notice:
             self._notice, self._notice_at = self._store.notice, monotonic()
-        self._bars.notice_line.draw()
+        self.notice_line.draw()

@@ -16,7 +16,7 @@ from textual.widgets import Input
 from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
-from rise_tui.console.bars import ConsoleBars, RefreshScheduler
+from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.questions import Confirmations
@@ -53,8 +53,7 @@ class ConsoleScreen(Screen[None]):
         super().__init__()
         self.session = session
         self.pane_layout = Layout(session.store)
-        self.bars = ConsoleBars(session.store, self.pane_layout)
-        self.refresh_scheduler = RefreshScheduler(session.store, self.pane_layout, self.bars, self.set_timer)
+        self.bars = ConsoleBars(session.store, self.pane_layout, self.set_timer)
         self._kept_note = ""
         """A note that was typed and not accepted."""
         self.confirmations = Confirmations(self)
@@ -73,15 +72,15 @@ class ConsoleScreen(Screen[None]):
     def on_mount(self) -> None:
         self.session.on_change = self._store_changed
         self.run_worker(self.session.receive_records(), name="pump", exit_on_error=True)
-        self.set_interval(CLOCK_SECONDS, self.refresh_scheduler.draw_every_second)
+        self.set_interval(CLOCK_SECONDS, self.bars.draw_every_second)
         self.set_interval(CLOCK_SECONDS, self.input.note_alive)
-        self.set_interval(RUNNING_SECONDS, self.refresh_scheduler.draw_every_half_second)
+        self.set_interval(RUNNING_SECONDS, self.bars.draw_every_half_second)
         self.pane_layout.focus_pane("acts")
 
     def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
         if "flash" in parts and self.store.flash is not None:  # immediately: a camera records the moment
             overlays.show_flash(self.app, self.store.flash.number)
-        self.refresh_scheduler.schedule(parts)
+        self.bars.schedule(parts)
         if parts & {"status", "acts"}:
             self.confirmations.close_outdated_control_question()
             self.confirmations.close_outdated_release_question()
@@ -97,7 +96,7 @@ class ConsoleScreen(Screen[None]):
 
     @on(StaticLines.DrawAgain)
     def _draw_again(self) -> None:
-        self.refresh_scheduler.draw_all()
+        self.bars.draw_all()
 
     @on(events.DescendantFocus)
     @on(events.DescendantBlur)
@@ -113,7 +112,7 @@ class ConsoleScreen(Screen[None]):
 
     def observe_key(self, event: events.Key, together: bool) -> None:
         """Note every key before anything acts on it, whatever has the focus. `together`: it came with others."""
-        self.refresh_scheduler.dismiss_read_notices()
+        self.bars.dismiss_read_notices()
         self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 
     def admits(self, event: events.Event) -> bool:
@@ -178,11 +177,11 @@ class ConsoleScreen(Screen[None]):
         if act:
             self.show_notice(f"{act}: press Enter or the same key again within 2 s to start it", "wait")
         else:
-            self.refresh_scheduler.clear_notice()
-        self.refresh_scheduler.schedule({"acts"})
+            self.bars.clear_notice()
+        self.bars.schedule({"acts"})
 
     def show_mode(self) -> None:
-        self.refresh_scheduler.schedule({"acts", "rules", "status", "tasks"})
+        self.bars.schedule({"acts", "rules", "status", "tasks"})
 
     def ask_what_was_wrong(self, task: int) -> None:
         self.bars.open_mistake(task)
@@ -224,7 +223,7 @@ class ConsoleScreen(Screen[None]):
             self.store.shown_act = name
         else:
             self.store.shown_rule = name
-        self.refresh_scheduler.repaint_panes("act", "rule")
+        self.bars.repaint_panes("act", "rule")
 
     def ask_to_start(self, rule: str, state: str) -> None:
         """Ask whether to start a rule in one of its states."""

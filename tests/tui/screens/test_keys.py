@@ -64,7 +64,7 @@ async def test_a_key_takes_away_what_has_been_read_and_nothing_that_has_not_been
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with console() as it:
-        painting, store = it.screen.refresh_scheduler, it.screen.session.store
+        painting, store = it.screen.bars, it.screen.session.store
 
         async def shown(text: str) -> None:
             it.screen.show_notice(text)
