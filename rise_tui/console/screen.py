@@ -347,11 +347,6 @@ class ConsoleScreen(Screen[None]):
     def _return_focus(self, event: SpeechInput.ReturnFocus) -> None:
         self._focus_back(event.back)
 
-    @on(MistakeLine.ChooseMark)
-    def _choose_mark(self, event: MistakeLine.ChooseMark) -> None:
-        if event.mark != "wrong":  # it is already marked
-            self.send("markMistake", f"{event.task} {event.mark}")
-
     @on(MistakeLine.EndMarking)
     def _end_marking(self, event: MistakeLine.EndMarking) -> None:
         self.bars.notice_line.display = True

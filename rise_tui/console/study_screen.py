@@ -40,8 +40,8 @@ from rise_tui.model.study_rows import (
 )
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.screens.checks import ChecksScreen
-from rise_tui.screens.help import HelpScreen, study_help_entries
-from rise_tui.screens.palette import open_palette, study_commands
+from rise_tui.screens.help import HelpScreen, screen_help_entries
+from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.reading import ReportOf, ReportScreen
 from rise_tui.screens.session_forms import Outcome
 from rise_tui.widgets.row_list import RowView
@@ -204,8 +204,8 @@ class StudyScreen(Screen[None]):
             "study.wizard": lambda: self._ask_name(lambda: None),
             "study.reload": self._reload,
             "filter": self.lists.open_find,
-            "help": lambda: self.app.push_screen(HelpScreen(study_help_entries())),
-            "palette": lambda: open_palette(self.app, study_commands(self.action_do)),
+            "help": lambda: self.app.push_screen(HelpScreen(screen_help_entries("study"))),
+            "palette": lambda: open_palette(self.app, screen_commands("study", self.action_do)),
             "theme": lambda: open_palette(self.app, (), "theme"),
             "redraw": lambda: repaint_everything(self.app),
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),

@@ -20,9 +20,8 @@ from rise_tui.editor.model.explored import ExploredPlace, explored_rows, find_ex
 from rise_tui.editor.model.fields import NOTE_MARKS, FieldChoice
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.page import EditFrame
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, cell_width, clean, crop, fixed_span, shorten, wrap
-from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.screens.dialog import Dialog, DialogChoice, SingleDismissModal, TitledBox
 from rise_tui.screens.palette import SearchDialog
 from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.fields import TextField

@@ -8,7 +8,6 @@ from typing import Literal, TypeAlias
 from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.suggester import Suggester
 from textual.widgets import Input
 
 from rise_engine.author.edit.plan import EditRefused
@@ -28,7 +27,7 @@ from rise_tui.editor.model.fields import (
 from rise_tui.editor.model.study_names import suggest_ending
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import crop, line_width
-from rise_tui.widgets.fields import TextField
+from rise_tui.widgets.fields import EndingSuggester, TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
@@ -36,18 +35,6 @@ Step: TypeAlias = Literal[0, 1, -1]
 """Where the cursor goes: to this field, the next, the previous one."""
 TAKES: dict[str, Step] = {"enter": 0, "tab": 1, "down": 1, "shift+tab": -1, "up": -1}
 """Keys that accept what is typed."""
-
-
-class EndingSuggester(Suggester):
-    """Shows a likely ending after what is typed; → accepts it."""
-
-    def __init__(self, ending: Callable[[str], str]) -> None:
-        super().__init__(use_cache=False, case_sensitive=True)
-        self._ending = ending
-
-    async def get_suggestion(self, value: str) -> str | None:
-        ending = self._ending(value)
-        return value + ending if ending else None
 
 
 class FieldList(Vertical):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.message import Message
 
 from rise_engine.author.drawing.state_graph import GraphLayout
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
@@ -60,6 +59,10 @@ class RuleHost(EditPage):
             self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
         return self._names[1]
 
+    @abstractmethod
+    def try_rule(self, rule: str, state: str) -> None:
+        """Try the rule from this state; empty: from its first state."""
+
     @property
     def findings(self) -> Sequence[Diagnostic]:
         """The diagnostics of the study, and what exploring has found in its rules."""
@@ -108,13 +111,6 @@ class RuleDisplay(Vertical):
     RuleDisplay FormPanel, RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
     RuleDisplay.-form FormPanel { display: block; }
     """
-
-    @dataclass
-    class TryRule(Message):
-        """Try the rule from this state; empty: from its first state."""
-
-        rule: str
-        state: str
 
     def __init__(self, page: RuleHost, rule: str, state: str = "") -> None:
         """`state`: where the cursor begins; empty: at the rule's first state."""

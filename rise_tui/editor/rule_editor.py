@@ -50,7 +50,7 @@ class RuleEditor(RuleDisplay):
     """One rule and its keys. Enter opens the form of the item under the cursor."""
 
     def _try_rule(self) -> None:
-        self.post_message(self.TryRule(self._rule_name, self.spot.state if self.spot is not None else ""))
+        self._page.try_rule(self._rule_name, self.spot.state if self.spot is not None else "")
 
     @property
     def hints(self) -> Mapping[str, str]:

@@ -16,7 +16,6 @@ from rise_engine.author.edit.edits import ReplaceFile
 from rise_engine.author.edit.outline import Written
 from rise_engine.author.trial.study_test_run import path_of_test, text_of_test
 from rise_engine.author.trial.trial import Trial
-from rise_engine.scenario.model import Scenario
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.trial_rows import standing_of
 from rise_tui.editor.page import EditFrame
@@ -133,22 +132,17 @@ class RulePage(RuleHost):
     def _is_beside(self) -> bool:
         return self.app.size.width >= BESIDE
 
-    @on(RuleEditor.TryRule)
-    def _try_rule(self, event: RuleEditor.TryRule) -> None:
-        event.stop()
+    def try_rule(self, rule: str, state: str) -> None:
         scenario = self.draft.checked.scenario
         if scenario is None:
             error = next((each for each in self.draft.findings if each.severity == "error"), None)
             what = f": {error.message}" if error is not None else ""
             self.frame.say(f"fix the error first{what}", "wait")
             return
-        self._open_trial(scenario, event)
-
-    def _open_trial(self, scenario: Scenario, event: RuleEditor.TryRule) -> None:
         self.add_class("-trying")
         self.hide_list(self._is_beside)
         self._place_trial()
-        self.trial.play(scenario, event.rule, event.state)
+        self.trial.play(scenario, rule, state)
         self.trial.rows.focus()
         self.frame.draw_bars()
 

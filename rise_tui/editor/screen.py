@@ -32,8 +32,8 @@ from rise_tui.editor.texts_page import TextsPage
 from rise_tui.key_labels import use_own_keys
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp, repaint_everything
-from rise_tui.screens.help import HelpScreen, edit_help_entries
-from rise_tui.screens.palette import edit_commands, open_palette
+from rise_tui.screens.help import HelpScreen, screen_help_entries
+from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowView
@@ -211,8 +211,8 @@ class EditScreen(StudyFrame):
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
             "filter": self._open_find,
-            "help": lambda: self.app.push_screen(HelpScreen(edit_help_entries())),
-            "palette": lambda: open_palette(self.app, edit_commands(self.action_do)),
+            "help": lambda: self.app.push_screen(HelpScreen(screen_help_entries("edit"))),
+            "palette": lambda: open_palette(self.app, screen_commands("edit", self.action_do)),
             "theme": lambda: open_palette(self.app, (), "theme"),
             "redraw": lambda: repaint_everything(self.app),
             "stop": self.stop_pressed,

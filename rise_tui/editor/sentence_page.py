@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
-from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import TextArea
 
@@ -47,20 +45,10 @@ class SentenceField(TextArea, TakesText):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("home", "cursor_text_start", show=False),
                                              Binding("end", "cursor_text_end", show=False)]  # fmt: skip
 
-    @dataclass
-    class TakeSentence(Message):
-        """Accept what is typed. `step`: the step to the next text; 0: to none."""
-
-        text: str
-        step: int
-
-    class LeaveSentence(Message):
-        """Leave the text unchanged."""
-
-    def __init__(self, *, exact: bool = False) -> None:
+    def __init__(self, page: SentencePage, *, exact: bool = False) -> None:
         """`exact`: whether blanks and line ends count."""
         super().__init__(compact=True, highlight_cursor_line=False)
-        self._is_exact = exact
+        self._page, self._is_exact = page, exact
 
     def begin(self, text: str) -> None:
         """Begin to type in this text."""
@@ -82,9 +70,9 @@ class SentenceField(TextArea, TakesText):
 
     async def on_key(self, event: events.Key) -> None:
         if event.key in STEPS:
-            self.post_message(self.TakeSentence(self.sentence, STEPS[event.key]))
+            self._page.take(self.sentence, STEPS[event.key])
         elif event.key == "escape":
-            self.post_message(self.LeaveSentence())
+            self._page.close_field()
         else:
             return
         event.stop()
@@ -116,7 +104,11 @@ class SentencePage(EditPage):
         self.head, self.rows, self.parting = StaticLines(id="head"), rows, StaticLines(id="parting")
         self.detail = RowList(id="detail")
         self.detail.can_focus = False
-        self.label, self.field, self.said = StaticLines(id="label"), SentenceField(exact=exact), StaticLines(id="said")
+        self.label, self.field, self.said = (
+            StaticLines(id="label"),
+            SentenceField(self, exact=exact),
+            StaticLines(id="said"),
+        )
         self._is_open = False
 
     def compose_head(self) -> ComposeResult:
@@ -207,22 +199,16 @@ class SentencePage(EditPage):
         lines = note_lines(notes, max(20, self.size.width - LABEL - 2), SAID)
         self.said.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
 
-    @on(SentenceField.LeaveSentence)
-    def _left(self, event: SentenceField.LeaveSentence) -> None:
-        event.stop()
-        self.close_field()
-
-    @on(SentenceField.TakeSentence)
-    def _taken(self, event: SentenceField.TakeSentence) -> None:
-        event.stop()
+    def take(self, typed: str, step: int) -> None:
+        """Accept what is typed, and go on to the next text (1), the previous one (-1), or none (0)."""
         if not self.is_typing:
             return
         try:
-            edits = self.edits_typed(event.text)
+            edits = self.edits_typed(typed)
         except EditRefused as refused:
             self.say_typed(FieldNote("error", clean(str(refused))))
             return
-        step = self.step_over(event.step)
+        step = self.step_over(step)
         self.close_field()
         self.make(*edits, then=lambda: self.go_on(step, changed=bool(edits)))
 

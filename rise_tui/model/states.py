@@ -20,6 +20,10 @@ class StateLabel(NamedTuple):
     word: str
     role: TextRole
 
+    @property
+    def span(self) -> StyledSpan:
+        return f"{self.glyph} {self.word}", self.role
+
 
 READY = StateLabel("·", "ready", "muted")
 SENT = StateLabel("↑", "sent", "wait")

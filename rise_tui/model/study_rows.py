@@ -20,6 +20,7 @@ from rise_engine.study.model import (
     Study,
     StudyStanding,
 )
+from rise_tui.model.states import StateLabel
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -90,29 +91,17 @@ def _join(levels: tuple[Level, ...], *, named: bool = True) -> str:
     return "+".join(level.name if named else level.label or level.name for level in levels)
 
 
-class StateWord(NamedTuple):
-    """The look of a state."""
-
-    glyph: str
-    word: str
-    role: TextRole
-
-    @property
-    def span(self) -> StyledSpan:
-        return f"{self.glyph} {self.word}", self.role
-
-
-STATES: dict[ParticipantState, StateWord] = {
-    "waiting": StateWord("○", "waiting", "plain"),
-    "no-consent": StateWord("✗", "no consent", "wait"),
-    "running": StateWord("►", "running", "accent"),
-    "unfinished": StateWord("◐", "unfinished", "wait"),
-    "to-judge": StateWord("?", "no outcome", "wait"),
-    "to-go-on": StateWord("◇", "in progress", "plain"),
-    "aborted": StateWord("■", "aborted", "wait"),
-    "complete": StateWord("✓", "complete", "muted"),
-    "excluded": StateWord("-", "excluded", "muted"),
-    "withdrawn": StateWord("-", "withdrawn", "muted"),
+STATES: dict[ParticipantState, StateLabel] = {
+    "waiting": StateLabel("○", "waiting", "plain"),
+    "no-consent": StateLabel("✗", "no consent", "wait"),
+    "running": StateLabel("►", "running", "accent"),
+    "unfinished": StateLabel("◐", "unfinished", "wait"),
+    "to-judge": StateLabel("?", "no outcome", "wait"),
+    "to-go-on": StateLabel("◇", "in progress", "plain"),
+    "aborted": StateLabel("■", "aborted", "wait"),
+    "complete": StateLabel("✓", "complete", "muted"),
+    "excluded": StateLabel("-", "excluded", "muted"),
+    "withdrawn": StateLabel("-", "withdrawn", "muted"),
 }
 OUTCOMES = {"complete": "✓ complete", "aborted": "■ aborted", "excluded": "- excluded"}
 STATE_WIDTH = 13

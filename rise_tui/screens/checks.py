@@ -20,8 +20,8 @@ from rise_engine.checks import CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, wrap
+from rise_tui.screens.dialog import SingleDismissModal, TitledBox
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
@@ -51,22 +51,14 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
             yield from (_action_entry(action, title, store) for action in actions_in(other))
 
 
-def study_help_entries() -> Iterator[HelpEntry]:
-    """The entries of a study's screen, where no session runs."""
+def screen_help_entries(scope: Literal["study", "edit"]) -> Iterator[HelpEntry]:
+    """The entries of a screen on which no key starts anything: that of a study, or the editor."""
     titles = dict(KEY_SCOPES)
-    yield from (_action_entry(action, titles["study"], None) for action in actions_in("study"))
-    yield from (_action_entry(BY_ID[id], titles["study"], None) for id in ON_STUDY_SCREEN)
+    shared, words = (ON_STUDY_SCREEN, STUDY_CONCEPTS) if scope == "study" else (IN_EDITOR, EDIT_CONCEPTS)
+    yield from (_action_entry(action, titles[scope], None) for action in actions_in(scope))
+    yield from (_action_entry(BY_ID[id], titles[scope], None) for id in shared)
     yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
-    yield from (HelpEntry(IDEAS, word, "", text) for word, text in STUDY_CONCEPTS)
-
-
-def edit_help_entries() -> Iterator[HelpEntry]:
-    """The entries of the editor, where no key starts anything."""
-    titles = dict(KEY_SCOPES)
-    yield from (_action_entry(action, titles["edit"], None) for action in actions_in("edit"))
-    yield from (_action_entry(BY_ID[id], titles["edit"], None) for id in IN_EDITOR)
-    yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))
-    yield from (HelpEntry(IDEAS, word, "", text) for word, text in EDIT_CONCEPTS)
+    yield from (HelpEntry(IDEAS, word, "", text) for word, text in words)
 
 
 def _action_entry(action: ConsoleAction, group: str, store: Store | None) -> HelpEntry:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import Generic, NamedTuple
+from typing import Generic, Literal, NamedTuple
 
 from textual import events, on
 from textual.app import App, ComposeResult
@@ -22,7 +22,6 @@ from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -33,6 +32,7 @@ from rise_tui.rendering.text import (
     highlight_matches,
     line_width,
 )
+from rise_tui.screens.dialog import SingleDismissModal, TitledBox
 from rise_tui.widgets.fields import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import CURSOR_BACKGROUND
@@ -152,17 +152,10 @@ def palette_commands(
     yield from _scenario_commands(store, start)
 
 
-def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
-    """The commands of a study's screen, where no session runs."""
-    shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
-    for action in (*actions_in("study"), *shared):
-        yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
-
-
-def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
-    """The commands of the editor of a study's files."""
-    shared = (BY_ID[id] for id in IN_EDITOR if id not in ("palette", "theme"))
-    for action in (*actions_in("edit"), *shared):
+def screen_commands(scope: Literal["study", "edit"], run: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """The commands of a screen on which no key starts anything: that of a study, or the editor."""
+    shared = ON_STUDY_SCREEN if scope == "study" else IN_EDITOR
+    for action in (*actions_in(scope), *(BY_ID[id] for id in shared if id not in ("palette", "theme"))):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 
 

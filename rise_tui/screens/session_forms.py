@@ -15,9 +15,8 @@ from rise_tui.config.study_source import SessionRequest
 from rise_tui.model.status import participant_text, running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.model.study_rows import Conditions
-from rise_tui.rendering.modal import TitledBox
 from rise_tui.rendering.text import ListRow, clean
-from rise_tui.screens.dialog import FormDialog
+from rise_tui.screens.dialog import FormDialog, TitledBox
 from rise_tui.widgets.fields import ChoiceField, OpenChoice, TextField
 from rise_tui.widgets.row_list import RowList
 

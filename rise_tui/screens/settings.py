@@ -21,9 +21,8 @@ from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, 
 from rise_tui.config.paths import expand_home
 from rise_tui.model.status import participant_text
 from rise_tui.model.store import Store
-from rise_tui.rendering.modal import TitledBox
 from rise_tui.rendering.text import clean
-from rise_tui.screens.dialog import FormDialog
+from rise_tui.screens.dialog import FormDialog, TitledBox
 from rise_tui.screens.session_forms import end_session_dialog
 from rise_tui.widgets.fields import ChoiceField, TextField
 

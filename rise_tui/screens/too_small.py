@@ -9,8 +9,8 @@ from textual.geometry import Size
 from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import current_alarms
 from rise_tui.model.store import Store
-from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import StyledLine, crop, wrap
+from rise_tui.screens.dialog import SingleDismissModal
 from rise_tui.widgets.static_lines import StaticLines
 
 REFRESH_SECONDS = 0.5

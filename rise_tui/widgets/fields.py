@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, cast
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -12,6 +12,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.content import Content
 from textual.message import Message
+from textual.suggester import Suggester
 from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Button, Input
@@ -19,6 +20,7 @@ from textual.widgets import Button, Input
 from rise_tui.model.failures import MISTAKE_MARKS, markable_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fit, line_width, shorten
+from rise_tui.requests import ConsoleHost
 from rise_tui.widgets.static_lines import StaticLines, StoreLines
 
 
@@ -34,6 +36,18 @@ class TextField(Input):
     def validate_value(self, value: str) -> str:
         """Remove control characters, which would reach the terminal unchanged."""
         return clean(value)
+
+
+class EndingSuggester(Suggester):
+    """Shows a likely ending in grey after what is typed."""
+
+    def __init__(self, ending: Callable[[str], str]) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._ending = ending
+
+    async def get_suggestion(self, value: str) -> str | None:
+        ending = self._ending(value)
+        return value + ending if ending else None
 
 
 class PromptBar(Horizontal):
@@ -277,13 +291,6 @@ class MistakeLine(StoreLines, can_focus=True):
     """
 
     @dataclass
-    class ChooseMark(Message):
-        """What was wrong about the task."""
-
-        task: int
-        mark: str
-
-    @dataclass
     class EndMarking(Message):
         """The line has closed. The focus returns to its former place."""
 
@@ -346,8 +353,8 @@ class MistakeLine(StoreLines, can_focus=True):
             return
         event.stop()
         event.prevent_default()
-        if choice is not None:
-            self.post_message(self.ChooseMark(self.marked, choice.mark))
+        if choice is not None and choice.mark != "wrong":  # it is already marked as wrong
+            cast(ConsoleHost, self.screen).send("markMistake", f"{self.marked} {choice.mark}")
         self.close()
 
     def on_blur(self) -> None:

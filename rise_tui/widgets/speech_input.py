@@ -10,7 +10,6 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.message import Message
-from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
 
@@ -27,7 +26,7 @@ from rise_tui.model.speech import (
 from rise_tui.model.states import SENT, StateLabel, task_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, format_seconds
-from rise_tui.widgets.fields import TextField
+from rise_tui.widgets.fields import EndingSuggester, TextField
 from rise_tui.widgets.static_lines import StaticLines
 
 DONE_SECONDS = 5.0
@@ -50,17 +49,8 @@ class SpeechField(TextField):
         Binding("escape", "leave", show=False),
     ]
 
-    @dataclass
-    class SubmitSpeech(Message):
-        """Say the text, in its turn or immediately."""
-
-        at_once: bool
-
-    class Postpone(Message):
-        """Close the field and keep its text for later."""
-
     def __init__(self, line: SpeechInput) -> None:
-        super().__init__(select_on_focus=False, suggester=Suggestion(line))
+        super().__init__(select_on_focus=False, suggester=EndingSuggester(line.ending))
         self._line = line
 
     def action_complete(self) -> None:
@@ -74,31 +64,20 @@ class SpeechField(TextField):
         self.replace_text(self._line.history.later(self.value))
 
     def action_interrupt(self) -> None:
-        self.post_message(self.SubmitSpeech(at_once=True))
+        self._line.submit(at_once=True)
 
     def action_leave(self) -> None:
-        self.post_message(self.Postpone())
+        self._line.postpone()
 
     @on(Input.Submitted)
     def _input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
-        self.post_message(self.SubmitSpeech(at_once=False))
+        self._line.submit(at_once=False)
 
     def replace_text(self, text: str) -> None:
         """Show this text, with the cursor at its end."""
         self.value = text
         self.cursor_position = len(text)
-
-
-class Suggestion(Suggester):
-    """The completion after the typed text."""
-
-    def __init__(self, line: SpeechInput) -> None:
-        super().__init__(use_cache=False, case_sensitive=True)
-        self._line = line
-
-    async def get_suggestion(self, value: str) -> str | None:
-        return self._line.suggest(value) or None
 
 
 class SpeechInput(Vertical):
@@ -162,6 +141,10 @@ class SpeechInput(Vertical):
         """A likely completion of the typed text."""
         return complete_speech(typed, self.history.said, self._sentences, self._store.view.memory)
 
+    def ending(self, typed: str) -> str:
+        """The rest of that completion."""
+        return self.suggest(typed)[len(typed) :]
+
     def open(self) -> None:
         if not self.is_open:
             self._back = self.screen.focused
@@ -174,7 +157,7 @@ class SpeechInput(Vertical):
         self.history.add(typed)
         if self.field.value == typed:
             self.field.value = ""
-        self._close()
+        self.postpone()
 
     def restore(self, typed: str) -> None:
         """Restore a text that was not accepted, unless something else was begun."""
@@ -217,7 +200,8 @@ class SpeechInput(Vertical):
         why_not = why_unavailable(BY_ID["say"], store)
         return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
 
-    def _close(self) -> None:
+    def postpone(self) -> None:
+        """Close the line and keep its text for later."""
         if self.is_open:
             self.remove_class("-open")
             self.draw()
@@ -228,17 +212,11 @@ class SpeechInput(Vertical):
         event.stop()
         self.draw()
 
-    @on(SpeechField.Postpone)
-    def _postpone(self, event: SpeechField.Postpone) -> None:
-        event.stop()
-        self._close()
-
-    @on(SpeechField.SubmitSpeech)
-    def _submit_speech(self, event: SpeechField.SubmitSpeech) -> None:
-        event.stop()
+    def submit(self, *, at_once: bool) -> None:
+        """Say the text, in its turn or immediately."""
         text, problem = fill_speech(self.field.value, self._store.memory)
         if text and not problem:
-            self.post_message(self.Speak(self.field.value, text, event.at_once))
+            self.post_message(self.Speak(self.field.value, text, at_once))
 
     def on_click(self, event: events.Click) -> None:
         if event.widget is self.shown and not why_unavailable(BY_ID["say"], self._store):

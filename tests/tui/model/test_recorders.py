@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.kernel.records import RecordingRecord, RecordingStatus, SessionRecord, SyncRecord
+from rise_tui.console.overlays import FLASH_SECONDS, Flash, flash_rows
 from rise_tui.model.status import status_line
 from rise_tui.model.store import LATE_FLASH_SECONDS, Store
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.widgets.flash import FLASH_SECONDS, Flash, flash_rows
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

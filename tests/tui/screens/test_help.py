@@ -13,11 +13,10 @@ from rise_tui.screens.help import (
     HelpEntry,
     HelpScreen,
     concepts,
-    edit_help_entries,
     help_entries,
     help_rows,
+    screen_help_entries,
     searched_text,
-    study_help_entries,
 )
 from tests.tui.conftest import console
 from tests.tui.fake import FakeClient, demo
@@ -34,8 +33,8 @@ def found(entries_: list[HelpEntry], typed: str) -> list[HelpEntry]:
 
 def test_every_action_is_there_once_with_all_its_keys() -> None:
     in_session = [entry for entry in help_entries(a_store(), "memory") if entry.title]
-    between_sessions = [entry for entry in study_help_entries() if entry.title]
-    in_editor = [entry for entry in edit_help_entries() if entry.title]
+    between_sessions = [entry for entry in screen_help_entries("study") if entry.title]
+    in_editor = [entry for entry in screen_help_entries("edit") if entry.title]
     for action in ACTIONS:
         all_of_them = {"study": between_sessions, "edit": in_editor}.get(action.scope, in_session)
         title = dict(KEY_SCOPES)[action.scope]

@@ -152,7 +152,7 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once() -> None:
         for key in ("a", "b", "enter"):
             it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
         line.field.value = "ab"
-        line.field.post_message(SpeechField.SubmitSpeech(at_once=False))
+        line.submit(at_once=False)
         await it.until(lambda: "too fast to be typed" in it.notice)
         assert it.client.asked() == [] and line.field.value == "ab", "a pasted line end says nothing"
         await it.pilot.pause(1)

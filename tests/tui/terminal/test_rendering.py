@@ -25,9 +25,9 @@ from textual.strip import Strip
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.rendering.terminal_driver import TerminalWriter
+from rise_tui.screens.dialog import SingleDismissModal
 from tests.patience import PATIENCE
 
 
