@@ -19,9 +19,7 @@ from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
-from rise_tui import typed_ahead
-from rise_tui.actions import bindings_in
-from rise_tui.config.keymap import KeyFile, how_to_fix, textual_keymap
+from rise_tui.config.keymap import KeyFile, how_to_fix
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudySource
@@ -31,15 +29,14 @@ from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_dialogs import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
-from rise_tui.key_labels import use_own_keys, why_blocked
+from rise_tui.key_labels import why_blocked
 from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
-from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.rise_app import RiseApp, is_editing, takes_text
 from rise_tui.screens.reading import ReportScreen
 from rise_tui.screens.session_forms import end_session_dialog
 from rise_tui.screens.settings import SettingsScreen
-from rise_tui.typed_ahead import takes_text
 
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
 """Keys that count even among others that came in one piece."""
@@ -47,14 +44,8 @@ DETACH_PATIENCE = 2.0
 """Seconds that detaching from a session that goes on may take."""
 
 
-class ConsoleApp(TerminalApp):
+class ConsoleApp(RiseApp):
     """The wizard's console."""
-
-    TITLE = "RISE"
-    ENABLE_COMMAND_PALETTE = False  # ours is an action of the registry
-    ALLOW_SELECT = False
-    BINDINGS = bindings_in("everywhere")
-    CSS = themes.CSS
 
     def __init__(
         self,
@@ -79,19 +70,13 @@ class ConsoleApp(TerminalApp):
         started with; None: what the session reports itself. `notice`: the first remark about the session. Without
         `ui_state` nothing is restored or saved.
         """
-        super().__init__()
-        self.animation_level = "none"
-        for known in themes.THEMES:
-            self.register_theme(known)
-        self.theme = themes.full_name(theme)
+        self._keys = keys or KeyFile()
+        super().__init__(theme, self._keys)
         self._launcher, self._settings, self._wizard = launcher, settings, wizard
         self._client, self._notice = client, notice
         self._login, self._participant = login, participant
         self._day = StudyDay(study)
-        self._keys = keys or KeyFile()
         self._ui_state = ui_state or UiState(Preferences(), fresh=True, keeps_changes=False)
-        use_own_keys(self._keys.keys)
-        self.set_keymap(textual_keymap(self._keys))
         self._session: ConsoleSession | None = None
         self._is_leaving = False
         self._keys_together = False
@@ -100,9 +85,6 @@ class ConsoleApp(TerminalApp):
         self._handlers: dict[signal.Signals, Any] = {}
         self.exit_message = ""
         """What the terminal shows after the console has gone."""
-
-    def get_theme_variable_defaults(self) -> dict[str, str]:
-        return themes.DARK.variables
 
     async def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
@@ -321,16 +303,13 @@ class ConsoleApp(TerminalApp):
 
     def admits(self, event: events.Event) -> bool:
         if (console := self.console_screen) is not None:
-            return console.admits(event) and (not typed_ahead.is_editing(self) or typed_ahead.admits(self, event))
-        if typed_ahead.is_editing(self):
-            return typed_ahead.admits(self, event)
+            return console.admits(event) and (not is_editing(self) or super().admits(event))
+        if is_editing(self):
+            return super().admits(event)
         # On the screen of a study, a paste must not act as commands either (console.md 2.3).
         if not isinstance(event, events.Key) or takes_text(self.focused):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
-
-    def waits_for_keys(self, event: events.Key) -> bool:
-        return typed_ahead.waits(self, event)
 
     def handle_key_first(self, event: events.Key) -> bool:
         return (console := self.console_screen) is not None and console.handle_key_first(event)

@@ -21,11 +21,11 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
 from rise_tui.rendering.themes import BLACK, WHITE
 from rise_tui.requests import ConsoleHost
+from rise_tui.rise_app import is_editing
 from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import LETTERS, JumpScreen, TitleLabels, TourScreen, label_line
-from rise_tui.typed_ahead import is_editing
 
 FLASH_SECONDS = 0.6
 """Seconds that it is shown: 15 pictures of a camera at 25 pictures a second."""

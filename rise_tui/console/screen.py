@@ -26,9 +26,9 @@ from rise_tui.model.control import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
 from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
+from rise_tui.rise_app import is_editing, takes_text
 from rise_tui.screens.palette import open_palette
 from rise_tui.screens.tour import is_tour_due
-from rise_tui.typed_ahead import is_editing, takes_text
 from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines

@@ -30,8 +30,8 @@ from rise_tui.editor.page import EditPage
 from rise_tui.editor.study import EditedStudy, Explorer, RunningHere, SessionWatch
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import repaint_everything
+from rise_tui.rise_app import EDITOR
 from rise_tui.screens.dialog import Dialog, DialogChoice
-from rise_tui.typed_ahead import EDITOR
 from rise_tui.widgets.study_bars import StudyNotice
 
 WATCH_SECONDS = 2.0

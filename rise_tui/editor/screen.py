@@ -13,9 +13,8 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
 
-from rise_tui import typed_ahead
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
-from rise_tui.config.keymap import KeyFile, textual_keymap
+from rise_tui.config.keymap import KeyFile
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editor.data_pages import KeysPage, MemoryPage, SettingsPage
@@ -29,9 +28,9 @@ from rise_tui.editor.study import EditedStudy, Explorer, SessionWatch
 from rise_tui.editor.study_page import StudyPage
 from rise_tui.editor.tables_page import TablesPage
 from rise_tui.editor.texts_page import TextsPage
-from rise_tui.key_labels import use_own_keys
 from rise_tui.rendering import themes
-from rise_tui.rendering.terminal_app import TerminalApp, repaint_everything
+from rise_tui.rendering.terminal_app import repaint_everything
+from rise_tui.rise_app import RiseApp
 from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
@@ -262,14 +261,8 @@ class EditScreen(StudyFrame):
             self.ask_to_leave()
 
 
-class EditApp(TerminalApp):
+class EditApp(RiseApp):
     """Shows the editor of one study until the author leaves it."""
-
-    TITLE = "RISE"
-    ENABLE_COMMAND_PALETTE = False
-    ALLOW_SELECT = False
-    BINDINGS = bindings_in("everywhere")
-    CSS = themes.CSS
 
     def __init__(
         self,
@@ -282,27 +275,11 @@ class EditApp(TerminalApp):
         explorer: Explorer | None = None,
     ) -> None:
         """`explorer`: as for `EditScreen`."""
-        super().__init__()
-        self.animation_level = "none"
-        for known in themes.THEMES:
-            self.register_theme(known)
-        self.theme = themes.full_name(theme)
-        keys = keys or KeyFile()
-        use_own_keys(keys.keys)
-        self.set_keymap(textual_keymap(keys))
+        super().__init__(theme, keys or KeyFile())
         self.edit_screen = EditScreen(study, sessions=sessions, notice=notice, explorer=explorer)
-
-    def get_theme_variable_defaults(self) -> dict[str, str]:
-        return themes.DARK.variables
 
     async def on_mount(self) -> None:
         await self.push_screen(self.edit_screen, lambda _: self.exit())
-
-    def waits_for_keys(self, event: events.Key) -> bool:
-        return typed_ahead.waits(self, event)
-
-    def admits(self, event: events.Event) -> bool:
-        return typed_ahead.admits(self, event)
 
     def action_do(self, action: str) -> None:
         if action == "stop":
