@@ -7,7 +7,7 @@ from textual.app import App
 from textual.widgets import Input
 
 from rise_tui.actions import BY_ID, bindings_in
-from rise_tui.config.keymap import KeyFile, textual_keymap
+from rise_tui.config.key_file import KeyFile, textual_keymap
 from rise_tui.key_labels import keys_of, use_own_keys
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp

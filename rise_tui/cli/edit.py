@@ -21,8 +21,7 @@ from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
-from rise_tui.cli.choose_session import PlainTerminal
-from rise_tui.cli.options import KEYS, MOUSE, THEME
+from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal
 from rise_tui.config.display import (
     USUAL_FRAMES,
     DisplayOptions,
@@ -31,8 +30,14 @@ from rise_tui.config.display import (
     prepare_textual,
     with_detected_colors,
 )
-from rise_tui.config.paths import PREFERENCES_NAME, expand_home, key_file_path, state_folder
-from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    expand_home,
+    key_file_path,
+    load_saved,
+    state_folder,
+)
 from rise_tui.editor.study import RunningHere, SessionWatch
 
 STOP_SECONDS = 5.0
@@ -118,8 +123,10 @@ def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayO
 
 def _run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:
     """Run the editor until the user leaves it; returns the exit status."""
-    from rise_tui.config.key_file import read_keys  # all of these bring Textual
-    from rise_tui.config.keymap import how_to_fix
+    from rise_tui.config.key_file import (
+        how_to_fix,
+        read_keys,  # all of these bring Textual
+    )
     from rise_tui.editor.model.draft import draft_of
     from rise_tui.editor.screen import EditApp
     from rise_tui.editor.study import EditedStudy, explore_saved

@@ -14,11 +14,18 @@ import click
 
 from rise_engine.run.protocol.registry import RegistryError, ask_all_summaries, runtime_folder
 from rise_engine.session.folder import sessions_folder
-from rise_tui.cli.options import KEYS
+from rise_tui.cli.command_line import KEYS
 from rise_tui.config.display import DisplayOptions, choose_theme, detect_colors
 from rise_tui.config.key_file import read_keys
-from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, config_folder, key_file_path, state_folder
-from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    abbreviate_home,
+    config_folder,
+    key_file_path,
+    load_saved,
+    state_folder,
+)
 from rise_tui.rendering.text import clean, format_age
 
 PACKAGES = ("rise-tui", "textual", "rich", "click", "msgspec", "lxml", "cyclonedds")

@@ -18,11 +18,10 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.actions import KEY_SCOPES, actions_in
-from rise_tui.cli.options import KEYS
-from rise_tui.config.key_file import read_keys
-from rise_tui.config.keymap import KeyFile
+from rise_tui.cli.command_line import KEYS
+from rise_tui.config.key_file import KeyFile, read_keys
 from rise_tui.config.launch import ScenarioProblems, load_scenario
-from rise_tui.config.paths import key_file_path
+from rise_tui.config.preferences import key_file_path
 from rise_tui.key_labels import key_label, keys_of, use_own_keys
 from rise_tui.rendering.text import clean, fit, fixed_span, wrap
 

@@ -15,7 +15,7 @@ from rise_engine.cli.lazy_group import LazyGroup
 from rise_engine.cli.options import HERE, NEW, PLACES, RECOVER, SEED, SESSION_OPTIONS, SETTINGS, options
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
-from rise_tui.cli.options import KEYS, MOUSE, THEME, CommandLine
+from rise_tui.cli.command_line import KEYS, MOUSE, THEME, CommandLine
 from rise_tui.cli.start import start
 from rise_tui.config.display import MOST_FRAMES, USUAL_FRAMES, DisplayOptions
 

@@ -22,18 +22,23 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import find_session
 from rise_engine.session.shadow import unfinished_shadow
 from rise_engine.study.traces import study_of_session
-from rise_tui.cli.choose_session import UNNAMED, Prompter, login_name, not_started
-from rise_tui.cli.options import CommandLine
+from rise_tui.cli.command_line import UNNAMED, CommandLine, Prompter, login_name, not_started
 from rise_tui.cli.study_folder import find_study, open_study
 from rise_tui.config.display import choose_theme, detect_colors
-from rise_tui.config.keymap import KeyFile
+from rise_tui.config.key_file import KeyFile
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
-from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, expand_home, state_folder
-from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    abbreviate_home,
+    expand_home,
+    load_saved,
+    state_folder,
+)
 from rise_tui.config.settings import engine_options, scenario_path
 from rise_tui.config.study_source import StudySource
 from rise_tui.console.app import ConsoleApp
-from rise_tui.console.ui_state import UiState, save_all
+from rise_tui.console.layout import UiState, save_all
 from rise_tui.rendering.text import clean, format_clock
 
 

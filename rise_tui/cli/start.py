@@ -25,18 +25,33 @@ from rise_engine.run.protocol.registry import RegistryError, ask_summary, find_r
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineProcess, EngineRefused, start_engine
 from rise_engine.session.folder import find_session, find_unfinished, participant_text, running_sessions
-from rise_tui.cli import choose_session
-from rise_tui.cli.choose_session import PlainTerminal, ProgressLine, Prompter, login_name, not_started
-from rise_tui.cli.options import CommandLine
+from rise_tui.cli.command_line import (
+    WITHOUT_TERMINAL,
+    CommandLine,
+    PlainTerminal,
+    ProgressLine,
+    Prompter,
+    check_matches,
+    choose_recovery,
+    choose_session,
+    login_name,
+    not_started,
+)
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
-from rise_tui.config.paths import PREFERENCES_NAME, expand_home, key_file_path, state_folder
-from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    expand_home,
+    key_file_path,
+    load_saved,
+    state_folder,
+)
 from rise_tui.config.settings import engine_options, scenario_path, why_no_scenario
 from rise_tui.rendering.text import clean
 
 if TYPE_CHECKING:
-    from rise_tui.config.keymap import KeyFile
+    from rise_tui.config.key_file import KeyFile
 
 
 def start(options: CommandLine) -> NoReturn:
@@ -65,8 +80,7 @@ def _read_keys(options: CommandLine) -> KeyFile | None:
     path = key_file_path(options.keys)
     if path is None:
         return None
-    from rise_tui.config.key_file import read_keys
-    from rise_tui.config.keymap import how_to_fix
+    from rise_tui.config.key_file import how_to_fix, read_keys
 
     keys = read_keys(path)
     if keys.problems:
@@ -90,7 +104,7 @@ def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """Attach to the scenario's running session, if it is the one that was asked for."""
-    choose_session.check_matches(name, ask_summary(name), options)
+    check_matches(name, ask_summary(name), options)
     _open_console(name, options, keys)
 
 
@@ -132,7 +146,7 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
     progress.clear()
     if isinstance(found, EngineRefused) and (found.unfinished or found.others):
         named = participant_text(settings.participant, settings.condition)
-        chosen = choose_session.choose_recovery(found.unfinished, PlainTerminal(), found.others, named)
+        chosen = choose_recovery(found.unfinished, PlainTerminal(), found.others, named)
         found = start_engine(replace(wanted, unfinished=chosen), progress.overwrite)
         progress.clear()
     if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
@@ -153,7 +167,7 @@ def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> 
     if PlainTerminal().interactive:
         return
     asks = options.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
-    _need_terminal(*[choose_session.WITHOUT_TERMINAL] * bool(asks))
+    _need_terminal(*[WITHOUT_TERMINAL] * bool(asks))
 
 
 def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
@@ -163,7 +177,7 @@ def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
     """Check the keys before an engine starts for a console that would then refuse to open."""
-    from rise_tui.config.keymap import how_to_fix
+    from rise_tui.config.key_file import how_to_fix
 
     prepared = launch.load_scenario(settings)
     if not isinstance(prepared, launch.ScenarioProblems) and (clashes := keys.clashes(prepared.keys)):
@@ -238,7 +252,7 @@ def find_running_session(options: CommandLine) -> str:
         if options.session is not None:
             return find_running(options.session)
         if options.folder is None:
-            return choose_session.choose_session(
+            return choose_session(
                 all_running_sessions(), PlainTerminal(), lambda: unfinished_lines(unfinished_sessions({}))
             )
         if is_study(options.folder):

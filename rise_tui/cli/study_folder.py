@@ -40,7 +40,7 @@ from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.traces import study_of_session
 from rise_tui.config.launch import startup_notice
-from rise_tui.config.paths import expand_home
+from rise_tui.config.preferences import expand_home
 from rise_tui.config.study_source import ReportProgress, SessionPreview, SessionRequest, StartedSession, StudyNow
 from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 

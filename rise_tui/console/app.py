@@ -19,16 +19,16 @@ from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
-from rise_tui.config.keymap import KeyFile, how_to_fix
+from rise_tui.config.key_file import KeyFile, how_to_fix
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudySource
 from rise_tui.console import overlays, questions
+from rise_tui.console.layout import SAVE_SECONDS, UiState, save_all
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_dialogs import StudyDay
 from rise_tui.console.study_screen import StudyScreen
-from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.notice import Notice
@@ -184,7 +184,7 @@ class ConsoleApp(RiseApp):
             self._settings = settings_of_session(session.store.attach_reply)
         screen = ConsoleScreen(session)
         await self.push_screen(screen)
-        remark = self._ui_state.restore(screen, themes.short_name(self.theme))
+        remark = self._ui_state.restore(screen.pane_layout, session.store.attach_reply, themes.short_name(self.theme))
         if notice := notice or remark:
             session.show_notice(Notice(notice, "wait"))
         if self._ui_state.tour_is_due:
@@ -198,7 +198,7 @@ class ConsoleApp(RiseApp):
         console = self.console_screen
         if console is None:
             return
-        if changed := self._ui_state.collect_changes(console, themes.short_name(self.theme)):
+        if changed := self._ui_state.collect_changes(console.pane_layout, themes.short_name(self.theme)):
             if at_once:
                 save_all(changed)
             else:

@@ -1,14 +1,26 @@
-"""The places of lists and panes: two or all panes beside the control area, depending on the size of the terminal."""
+"""The places of lists and panes, two or all of them, by the terminal's size; and what of them is saved."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Literal
 
+from msgspec.structs import replace
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Container, Vertical
 
+from rise_engine.run.protocol.client import AttachReply
+from rise_engine.run.protocol.registry import session_name
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    SavedLayout,
+    load_saved,
+    state_folder,
+    write_saved,
+)
 from rise_tui.model.store import Store
 from rise_tui.panes.log import LogPane
 from rise_tui.panes.memory import MemoryPane
@@ -214,3 +226,95 @@ class Layout(Container):
     def _repaint_visible(self) -> None:
         for pane in self.visible_panes():
             pane.repaint()
+
+
+SAVE_SECONDS = 1.0
+"""Seconds between two checks for changes. A console that is killed loses no more than this."""
+
+
+class UiState:
+    """The saved state of one console. Its methods are quick; they only return what must be written."""
+
+    def __init__(
+        self, preferences: Preferences, *, fresh: bool = False, keeps_changes: bool = True, remark: str = ""
+    ) -> None:
+        """`fresh`: nothing is restored. `remark`: a sentence about the preferences.
+
+        `keeps_changes`: whether anything is written. Observers use the wizard's account and change nothing in it.
+        """
+        self.preferences = preferences
+        self._fresh, self._is_saved, self._remark = fresh, keeps_changes, remark
+        self._path: Path | None = None
+        self._folder = ""
+        """The folder of the session."""
+        self._layout = SavedLayout()
+        self._shown: dict[str, object] = {}
+        """The preferences on the screen at the last check."""
+
+    def restore(self, panes: Layout, attached: AttachReply, theme: str) -> str:
+        """Restore the console's last state; returns a sentence when something was not used."""
+        self._path = state_folder() / f"{session_name(attached.scenario.folder)}.json"
+        remark, self._remark = self._remark, ""
+        if not self._fresh:
+            layout, problem = load_saved(self._path, SavedLayout)
+            remark = remark or problem
+            if layout.session and layout.session == attached.folder:
+                panes.restore_state(layout.layout)
+                for name, text in layout.filters.items():
+                    if text and name in panes.panes:
+                        panes.panes[name].set_filter(text)
+            else:  # a new participant begins with the rule in front, and keeps the lower pane
+                panes.restore_state({"lower": layout.layout.get("lower", "")})
+            panes.log_pane.show_own_rows(self.preferences.rules_own)
+        self._folder = attached.folder
+        self._layout, self._shown = self._layout_of(panes), _shown_preferences(panes, theme)
+        return remark
+
+    def collect_changes(self, panes: Layout, theme: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+        """The changes since the last check."""
+        changed: list[tuple[Path, Preferences | SavedLayout]] = []
+        if self._path is None or not self._is_saved:
+            return changed
+        layout, before = self._layout_of(panes), self._shown
+        if layout != self._layout:
+            self._layout = layout
+            changed.append((self._path, layout))
+        self._shown = _shown_preferences(panes, theme)
+        if other := dict(self._shown.items() - before.items()):
+            changed.append(self._changed_preferences(**other))
+        return changed
+
+    @property
+    def tour_is_due(self) -> bool:
+        """Whether this is a first run, and the program can note that the tour was seen."""
+        return self._is_saved and not self._fresh and not self.preferences.tour
+
+    def mark_tour_seen(self) -> list[tuple[Path, Preferences | SavedLayout]]:
+        """Note that the tour of the first run was seen."""
+        return [self._changed_preferences(tour=True)]
+
+    def keep_wizard(self, name: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+        """Save the wizard's name, which the next question suggests."""
+        if not self._is_saved or self.preferences.wizard == name:
+            return []
+        return [self._changed_preferences(wizard=name)]
+
+    def _layout_of(self, panes: Layout) -> SavedLayout:
+        filters = {name: pane.filter_text for name, pane in panes.panes.items() if pane.filter_text}
+        return SavedLayout(panes.layout_state(), filters, self._folder)
+
+    def _changed_preferences(self, **changed: object) -> tuple[Path, Preferences]:
+        """Change the preferences, and keep what another console has written in the meantime."""
+        path = state_folder() / PREFERENCES_NAME
+        self.preferences = replace(load_saved(path, Preferences)[0], **changed)
+        return path, self.preferences
+
+
+def save_all(changed: Iterable[tuple[Path, Preferences | SavedLayout]]) -> None:
+    """Write the changes. May block. A failure is silent, because nothing depends on these files."""
+    for path, contents in changed:
+        write_saved(path, contents)
+
+
+def _shown_preferences(panes: Layout, theme: str) -> dict[str, object]:
+    return {"theme": theme, "rules_own": panes.log_pane.own_rows_shown}

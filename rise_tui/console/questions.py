@@ -10,7 +10,7 @@ from rise_engine.kernel.records import look_at_robot_text, stopper_words
 from rise_engine.run.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
-from rise_tui.config.paths import abbreviate_home
+from rise_tui.config.preferences import abbreviate_home
 from rise_tui.key_labels import key_name, keys_of, why_blocked
 from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.control import KeyAction, control_question

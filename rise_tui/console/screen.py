@@ -30,8 +30,8 @@ from rise_tui.rise_app import is_editing, takes_text
 from rise_tui.screens.palette import open_palette
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
+from rise_tui.widgets.lines import StaticLines
 from rise_tui.widgets.speech_input import SpeechInput
-from rise_tui.widgets.static_lines import StaticLines
 
 CLOCK_SECONDS, RUNNING_SECONDS = 1.0, 0.5
 """Seconds between updates of the clock, and of running times while something runs."""

@@ -22,8 +22,7 @@ from rise_tui.model.study_rows import (
 )
 from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 from rise_tui.widgets.study_bars import SubHead
 
 WIDE = 110

@@ -24,7 +24,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
-from rise_tui.config.keymap import KeyFile, how_to_fix
+from rise_tui.config.key_file import KeyFile, how_to_fix
 from rise_tui.config.study_source import SessionPreview, SessionRequest, StartedSession, StudyNow, StudySource
 from rise_tui.console import overlays, study_dialogs
 from rise_tui.console.study_lists import StudyLists
@@ -44,8 +44,7 @@ from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.reading import ReportOf, ReportScreen
 from rise_tui.screens.session_forms import Outcome
-from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowView, StaticLines
 from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
 
 WATCH_SECONDS = 2.0

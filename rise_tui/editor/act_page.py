@@ -29,8 +29,7 @@ from rise_tui.editor.model.fields import EditField
 from rise_tui.editor.model.study_rows import keys_by_name, setting_notes, used_lines, wrong_files
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 TALL = 34
 """Rows from which there is room for the lines of the file."""

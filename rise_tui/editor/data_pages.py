@@ -28,7 +28,7 @@ from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.fields import TYPED, EditField
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, crop
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 
 class DataPage(FormPage):

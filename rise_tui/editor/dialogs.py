@@ -16,17 +16,16 @@ from rise_engine.author.edit.remedies import remedies
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editor.model.draft import StudyDraft
-from rise_tui.editor.model.explored import ExploredPlace, explored_rows, find_explored
 from rise_tui.editor.model.fields import NOTE_MARKS, FieldChoice
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.page import EditFrame
+from rise_tui.editor.study import ExploredPlace, explored_rows, find_explored
 from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, cell_width, clean, crop, fixed_span, shorten, wrap
 from rise_tui.screens.dialog import Dialog, DialogChoice, SingleDismissModal, TitledBox
 from rise_tui.screens.palette import SearchDialog
 from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.fields import TextField
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 NEW = "\0new"
 """The id of the row that creates what was typed."""

@@ -28,8 +28,7 @@ from rise_tui.editor.model.study_names import suggest_ending
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import crop, line_width
 from rise_tui.widgets.fields import EndingSuggester, TextField
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 Step: TypeAlias = Literal[0, 1, -1]
 """Where the cursor goes: to this field, the next, the previous one."""

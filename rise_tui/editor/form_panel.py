@@ -13,8 +13,7 @@ from rise_tui.editor.form import TAKES, FieldList
 from rise_tui.editor.model.fields import EditField, FieldNote, Form, info
 from rise_tui.editor.page import EditPage
 from rise_tui.rendering.text import crop
-from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowView, StaticLines
 
 
 class FormPanel(FieldList):

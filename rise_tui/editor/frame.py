@@ -25,9 +25,8 @@ from rise_engine.base.text import clean, pluralize
 from rise_tui.editor import dialogs
 from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, is_study_alone
-from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.page import EditPage
-from rise_tui.editor.study import EditedStudy, Explorer, RunningHere, SessionWatch
+from rise_tui.editor.study import EditedStudy, ExploredStudy, Explorer, RunningHere, SessionWatch
 from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import EDITOR

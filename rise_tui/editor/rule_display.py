@@ -15,7 +15,6 @@ from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_tui.editor.form_panel import FormPanel
 from rise_tui.editor.model.draft import StudyDraft
-from rise_tui.editor.model.explored import findings_in_rules
 from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.editor.model.rule_graph import (
     GraphSpot,
@@ -30,6 +29,7 @@ from rise_tui.editor.model.rule_graph import (
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
 from rise_tui.editor.model.study_names import StudyNames, study_names
 from rise_tui.editor.page import TURNS, EditPage
+from rise_tui.editor.study import findings_in_rules
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -40,8 +40,7 @@ from rise_tui.rendering.text import (
     crop,
     shorten,
 )
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 NO_MARK: StyledSpan = ("  ", "plain")
 

@@ -22,7 +22,7 @@ from rise_tui.editor.page import EditFrame
 from rise_tui.editor.rule_display import RuleHost
 from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.editor.trial_view import TrialView
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 
 BESIDE = 100
 """Columns from which the trial run is beside the rule. In a narrower terminal it replaces the rule."""

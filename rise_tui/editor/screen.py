@@ -14,15 +14,14 @@ from textual.binding import BindingType
 from textual.containers import Horizontal
 
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
-from rise_tui.config.keymap import KeyFile
+from rise_tui.config.key_file import KeyFile
 from rise_tui.editor.act_page import ActPage
-from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
 from rise_tui.editor.data_pages import KeysPage, MemoryPage, SettingsPage
 from rise_tui.editor.dialogs import AskText, Picked, PickList, choose_finding
 from rise_tui.editor.frame import StudyFrame
 from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import row_id
-from rise_tui.editor.page import EditPage
+from rise_tui.editor.page import BannerLine, EditHints, EditPage, EditTopLine, FindingLine
 from rise_tui.editor.rule_page import RulePage
 from rise_tui.editor.study import EditedStudy, Explorer, SessionWatch
 from rise_tui.editor.study_page import StudyPage
@@ -35,8 +34,7 @@ from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowView, StaticLines
 
 PAGES: dict[str, type[EditPage]] = {
     page.KIND: page

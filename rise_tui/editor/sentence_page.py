@@ -20,8 +20,7 @@ from rise_tui.editor.model.fields import FieldNote, note_lines
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import ListRow, StyledLine, crop, shorten
 from rise_tui.rise_app import TakesText
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 LABEL = 8
 """Cells before the typed text."""

@@ -1,6 +1,6 @@
-"""A study's workspace for a screen, and exploring it beside the editor.
+"""A study's workspace for a screen, and what exploring has found in it.
 
-Work on the disk runs in a thread, one task after the other.
+Work on the disk runs in a thread, one task after the other; exploring runs in a process of its own.
 """
 
 from __future__ import annotations
@@ -9,14 +9,183 @@ import asyncio
 import contextlib
 import os
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar
 
+import msgspec
+from msgspec import Struct
+
 from rise_engine.author.edit.workspace import Workspace
+from rise_engine.base.text import clean, pluralize
+from rise_engine.scenario.diagnostics import Diagnostic, Severity
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.syntax.xml_layout import line_start
 from rise_tui.editor.model.draft import StudyDraft, draft_of
-from rise_tui.editor.model.explored import ExploredStudy, read_explored
+from rise_tui.editor.model.fields import NOTE_MARKS
+from rise_tui.editor.model.study_rows import find_at
+from rise_tui.rendering.text import ListRow, StyledLine, wrap
+
+
+class ExploredPlace(Struct, frozen=True):
+    """A finding of exploring (`rise-engine check --deep --json`)."""
+
+    level: str
+    text: str
+    file: str = ""
+    line: int = 0
+    column: int = 1
+    rule: str = ""
+    state: str = ""
+    act: str = ""
+    key: str = ""
+    way: tuple[str, ...] = ()
+    """How a session gets there, one sentence for each step."""
+
+    @property
+    def severity(self) -> Severity:
+        return "error" if self.level == "problem" else "warning"
+
+
+class ExploredStudy(Struct, frozen=True):
+    """The result of exploring the saved files."""
+
+    findings: tuple[ExploredPlace, ...] = ()
+    """The findings, without remarks."""
+    situations: int = 0
+    complete: bool = True
+    at: str = ""
+    """When it began: `14:05`; empty: nothing has been explored yet."""
+    files: Mapping[str, bytes] = {}
+    """The files as they were saved then."""
+    is_asked_again: bool = False
+    """Whether the study is being explored again."""
+    has_failed: bool = False
+    """Whether the last exploration failed."""
+
+    def is_of(self, draft: StudyDraft) -> bool:
+        """Whether the result is about the files on the screen."""
+        return self.files == draft.files
+
+    def word(self, draft: StudyDraft) -> str:
+        """The word before a finding: where it comes from and, if it is outdated, when it was found."""
+        return f"{'exploring again' if self.is_asked_again else 'explored'}{self._when(draft)}"
+
+    def _when(self, draft: StudyDraft) -> str:
+        return "" if self.is_of(draft) else f" (as saved at {self.at})"
+
+    def about(self, kind: str, name: str, state: str = "") -> list[ExploredPlace]:
+        """The findings of a page. For a rule, those about the state under the cursor come first."""
+        match kind:
+            case "rule":
+                own = [finding for finding in self.findings if finding.rule == name]
+                return sorted(own, key=lambda finding: (finding.state != state, finding.state != ""))
+            case "act":
+                return [finding for finding in self.findings if finding.act == name]
+            case "keys":
+                return [finding for finding in self.findings if finding.key]
+            case _:
+                return []
+
+    def seen(self, draft: StudyDraft) -> str:
+        """How much was explored, and when; empty: nothing was."""
+        if not self.at:
+            return ""
+        number = f"{self.situations:,} {'situation' if self.situations == 1 else 'situations'}"
+        return f"explored {number}{'' if self.complete else ', not all'}{self._when(draft)}"
+
+    def sentence(self, draft: StudyDraft) -> str:
+        """The result in a sentence; empty: nothing was explored."""
+        if self.has_failed:
+            return "the saved study could not be explored: `rise-engine explore` says why"
+        again = "; exploring again" if self.is_asked_again else ""
+        return f"{self.seen(draft)}: {self._found}{again}" if self.at else ""
+
+    @property
+    def _found(self) -> str:
+        problems = sum(finding.level == "problem" for finding in self.findings)
+        warnings = len(self.findings) - problems
+        found = [pluralize(problems, "problem")] if problems else []
+        found += [pluralize(warnings, "warning")] if warnings else []
+        return " and ".join(found) or "no problem found"
+
+
+def read_explored(document: bytes, at: str) -> ExploredStudy | None:
+    """The program's output as data. None: the study has errors, or nothing was explored for another reason."""
+    try:
+        explored = msgspec.json.decode(document)["explored"]
+        findings = msgspec.convert(explored["findings"], tuple[ExploredPlace, ...])
+        shown = tuple(finding for finding in findings if finding.level != "remark")
+        return ExploredStudy(shown, explored["situations"], explored["complete"], at)
+    except (msgspec.DecodeError, msgspec.ValidationError, KeyError):
+        return None
+
+
+def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
+    """The first of these findings; without one, the result of the whole exploration (quiet if that is empty)."""
+    if findings:
+        mark, role = NOTE_MARKS[findings[0].severity]
+        return ((f" {mark}{explored.word(draft)}: ", role), (clean(findings[0].text), role))
+    sentence = explored.sentence(draft)
+    if not sentence:
+        return ()
+    return ((f" {sentence}", "wait" if explored.findings else "muted"),)
+
+
+def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
+    """A finding in full: its sentence, and how a session gets there, step by step."""
+    _, role = NOTE_MARKS[finding.severity]
+    rows = [ListRow("", ((f" {line}", role),), selectable=False) for line in wrap(finding.text, width - 2)]
+    rows.append(ListRow("", (), selectable=False))
+    rows.append(ListRow("", ((" HOW A SESSION GETS THERE", "accent"),), selectable=False))
+    for number, step in enumerate(finding.way, 1):
+        for at, line in enumerate(wrap(step, max(20, width - 6))):
+            head = f" {number:>2}. " if at == 0 else "     "
+            rows.append(ListRow("", ((head, "muted"), (line, "plain")), selectable=False))
+    return rows
+
+
+def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] | None:
+    """The page for a finding: its kind and name. It is found by name, because lines move with each change."""
+    outline = draft.outline
+    if finding.rule and (finding.state or not finding.act):
+        return ("rule", f"{finding.rule}\0{finding.state}") if outline.rule(finding.rule) is not None else None
+    if finding.act:
+        return ("act", finding.act) if outline.act(finding.act) is not None else None
+    if finding.key:
+        return "keys", ""
+    return find_at(draft, finding.file, finding.line) if finding.file else None
+
+
+def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagnostic]:
+    """Findings in rules, as diagnostics at the present lines."""
+    return [
+        Diagnostic(
+            finding.severity,
+            "explored",
+            f"{explored.word(draft)}: {finding.text}",
+            place,
+        )
+        for finding in explored.findings
+        for place in _places(finding, draft, is_of=explored.is_of(draft))
+    ]
+
+
+def _places(finding: ExploredPlace, draft: StudyDraft, *, is_of: bool) -> Iterator[SourceLocation]:
+    """The place of a finding about a state or a transition: none or one."""
+    rule = draft.outline.rule(finding.rule) if finding.rule else None
+    if rule is None or not finding.state:
+        return
+    if is_of and finding.file == rule.file:
+        yield SourceLocation(finding.file, finding.line, finding.column)
+        return
+    for state in rule.states:
+        if state.id == finding.state:
+            start = state.node.start
+            yield SourceLocation(rule.file, state.line, start - line_start(state.node.tree.text, start) + 1)
+            return
+
 
 QUIET_SECONDS = 3.0
 """Seconds between opening or saving and exploring: authors often continue immediately after saving."""

@@ -27,7 +27,7 @@ from rise_tui.editor.model.study_rows import (
 )
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import ListRow
-from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.lines import RowList, RowView
 
 BESIDE = 76
 """Columns from which there is room for the item under the cursor."""

@@ -32,7 +32,7 @@ from rise_tui.editor.model.table_grid import (
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.sentence_page import SentencePage
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, plain_text, wrap
-from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.lines import RowView
 
 EMPTY = "this study has no tables yet: n adds one"
 

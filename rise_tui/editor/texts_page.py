@@ -39,8 +39,7 @@ from rise_tui.editor.model.text_rows import (
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.sentence_page import SentencePage
 from rise_tui.rendering.text import StyledLine
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie."
 

@@ -34,8 +34,7 @@ from rise_tui.editor.model.trial_rows import (
 from rise_tui.model.states import HERE, GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 ROWS_AHEAD = 3
 """Rows of the graph below the present state that should be visible with it."""

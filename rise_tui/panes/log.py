@@ -22,7 +22,7 @@ from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock
 from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.lines import RowView
 from rise_tui.widgets.task_log import TaskLog
 
 LETTERS = {

@@ -14,7 +14,7 @@ from textual.app import App
 
 from rise_engine.base.errors import RiseError
 from rise_engine.kernel.task_view import TaskView
-from rise_tui.config.paths import abbreviate_home
+from rise_tui.config.preferences import abbreviate_home
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
 

@@ -17,8 +17,7 @@ from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, line_width
 from rise_tui.requests import ConsoleHost
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 PaneTab = tuple[str, str]
 """A pane's id and its title."""

@@ -19,7 +19,7 @@ from rise_tui.model.store import Store
 from rise_tui.model.wait_explanations import WaitExplanations, key_owner
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, heading_line
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 
 CLOCK_SECONDS = 1.0
 """Seconds between two updates of what the clock alone changes."""

@@ -38,7 +38,7 @@ from rise_tui.rendering.text import (
     format_seconds,
     shorten,
 )
-from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.lines import RowView
 
 STATE_WIDTH = 10
 RUNNING_NAME_WIDTH = 24

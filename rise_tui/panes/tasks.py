@@ -17,8 +17,7 @@ from rise_tui.model.upcoming import QueuedTask, estimate_starts
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, crop, fixed_span, format_duration, format_seconds
 from rise_tui.screens.reading import DetailScreen
-from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowView, StaticLines
 
 DETAILS = 5
 """Lines for the parameters of the selected action."""

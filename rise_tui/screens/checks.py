@@ -23,8 +23,7 @@ from rise_tui.model.check_list import CheckItem, CheckList
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, wrap
 from rise_tui.screens.dialog import SingleDismissModal, TitledBox
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 REPEAT_SECONDS = 0.7
 """Seconds. A key that returns within this time is held down: keyboards repeat sooner than this."""

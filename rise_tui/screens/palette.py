@@ -34,8 +34,7 @@ from rise_tui.rendering.text import (
 )
 from rise_tui.screens.dialog import SingleDismissModal, TitledBox
 from rise_tui.widgets.fields import TextField
-from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.static_lines import CURSOR_BACKGROUND
+from rise_tui.widgets.lines import CURSOR_BACKGROUND, RowList, RowView
 
 
 class FoundList(RowList, can_focus=False):

@@ -14,7 +14,7 @@ from rise_engine.results.report.document import Document
 from rise_engine.results.report.plain_text import WIDTH, text_lines
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
 from rise_tui.screens.dialog import SingleDismissModal, TitledBox
-from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.lines import RowList, RowView
 
 REFRESH_SECONDS = 0.5
 """Seconds until a changed row is shown."""

@@ -18,7 +18,7 @@ from rise_tui.model.study_rows import Conditions
 from rise_tui.rendering.text import ListRow, clean
 from rise_tui.screens.dialog import FormDialog, TitledBox
 from rise_tui.widgets.fields import ChoiceField, OpenChoice, TextField
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 
 CONFIRMING_WORD = "end"
 """The word to type before Enter. No key of a study can end a session by accident."""

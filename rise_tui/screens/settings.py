@@ -18,7 +18,7 @@ from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Condition, Scenario
 from rise_engine.scenario.reading.conditions import condition_label, condition_sentence
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
-from rise_tui.config.paths import expand_home
+from rise_tui.config.preferences import expand_home
 from rise_tui.model.status import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import clean

@@ -11,7 +11,7 @@ from rise_tui.model.alarms import current_alarms
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, wrap
 from rise_tui.screens.dialog import SingleDismissModal
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 REFRESH_SECONDS = 0.5
 LEAST_SIZE = (70, 20)

@@ -14,7 +14,7 @@ from rise_tui.key_labels import key_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, crop, fixed_span, wrap
 from rise_tui.screens.dialog import SingleDismissModal
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 LETTERS = {"acts": "a", "rules": "r", "rule": "u", "act": "c", "memory": "m", "log": "l", "scheduler": "s"}
 """The letters never change, so that wizards can learn them."""

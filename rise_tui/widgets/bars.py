@@ -24,7 +24,7 @@ from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, plain_text, wrap
 from rise_tui.requests import ActionHost, ConsoleHost
-from rise_tui.widgets.static_lines import StaticLines, StoreLines
+from rise_tui.widgets.lines import StaticLines, StoreLines
 
 NARROW = 100
 NOTICE_LINES = 3

@@ -21,7 +21,7 @@ from rise_tui.model.failures import MISTAKE_MARKS, markable_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fit, line_width, shorten
 from rise_tui.requests import ConsoleHost
-from rise_tui.widgets.static_lines import StaticLines, StoreLines
+from rise_tui.widgets.lines import StaticLines, StoreLines
 
 
 class TextField(Input):

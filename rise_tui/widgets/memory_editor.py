@@ -17,7 +17,7 @@ from textual.widgets import Input
 
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, clean, line_width, parse_typed_value
 from rise_tui.widgets.fields import TextField
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 
 class PresentValue(NamedTuple):

@@ -27,7 +27,7 @@ from rise_tui.model.states import SENT, StateLabel, task_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, format_seconds
 from rise_tui.widgets.fields import EndingSuggester, TextField
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 DONE_SECONDS = 5.0
 """Seconds for which the line shows that something was said."""

@@ -9,7 +9,7 @@ from rise_tui.key_labels import first_key_label
 from rise_tui.model.notice import Level, Notice
 from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, line_width
 from rise_tui.widgets.bars import KeyHints, notice_lines
-from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.lines import StaticLines
 
 READING = "reading the study …"
 

@@ -11,7 +11,7 @@ from textual.message import Message
 from textual.strip import Strip
 
 from rise_tui.rendering.text import ListRow, StyledLine
-from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.lines import RowView
 
 
 class TaskLog(RowView):

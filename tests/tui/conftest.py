@@ -15,7 +15,7 @@ from rise_tui.console.app import ConsoleApp
 from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 from tests.patience import PATIENCE
 from tests.tui import pilots
 from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo

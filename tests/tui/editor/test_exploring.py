@@ -12,20 +12,20 @@ from typing import Any
 import pytest
 
 from rise_engine.author.edit.workspace import Workspace
-from rise_tui.editor.bars import FindingLine
 from rise_tui.editor.dialogs import PickList
 from rise_tui.editor.model.draft import StudyDraft, draft_of
-from rise_tui.editor.model.explored import (
+from rise_tui.editor.page import FindingLine
+from rise_tui.editor.rule_page import RulePage
+from rise_tui.editor.study import (
     ExploredPlace,
     ExploredStudy,
+    explore_saved,
     find_explored,
     findings_in_rules,
     read_explored,
 )
-from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.study import explore_saved
 from rise_tui.screens.reading import DetailScreen
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 from tests.tui.editor.conftest import Editor, editor
 
 QUIZ = Path(__file__).parents[2] / "author" / "explore" / "studies" / "quiz"

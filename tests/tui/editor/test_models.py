@@ -18,7 +18,6 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
 from rise_engine.study.study_toml import load_study
-from rise_tui.editor.bars import top_line
 from rise_tui.editor.model.acts import (
     action_fields,
     action_rows,
@@ -31,6 +30,7 @@ from rise_tui.editor.model.acts import (
 from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of, first_new_finding
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
+from rise_tui.editor.page import top_line
 from rise_tui.rendering.text import line_width, plain_text
 from tests.study.studies import DESIGN, write_study
 

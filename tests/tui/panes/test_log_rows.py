@@ -17,7 +17,7 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import MAX_REMARKS, SessionView
 from rise_tui.config.preferences import Preferences
-from rise_tui.console.ui_state import UiState
+from rise_tui.console.layout import UiState
 from rise_tui.model.log_rows import ROWS_PER_TASK, LogRows, row_of, task_of
 from rise_tui.panes.log import LogPane
 from rise_tui.panes.log_export import rows_of

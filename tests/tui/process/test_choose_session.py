@@ -12,9 +12,8 @@ from click.testing import CliRunner
 
 from rise_engine.cli.terminal import Refused
 from rise_engine.run.protocol.messages import SessionSummary
-from rise_tui.cli import choose_session
+from rise_tui.cli.command_line import CommandLine, check_matches, choose_recovery, choose_session
 from rise_tui.cli.main import main
-from rise_tui.cli.options import CommandLine
 from tests.tui.fake import DEMO
 from tests.tui.terminals import environment_of, run_rise_tui
 
@@ -67,19 +66,19 @@ TWO = [*ONE, ("/s/2026-11-20_090000_demo_debug", "Demo (debug, pepper), begun 20
 
 def test_without_a_session_it_says_how_to_start_one() -> None:
     with pytest.raises(Refused, match="no session is running; start one with: rise-tui --config DIR") as no:
-        choose_session.choose_session({}, Typist())
+        choose_session({}, Typist())
     assert no.value.exit_code == 2
 
 
 def test_the_only_session_is_taken_without_asking() -> None:
     typist = Typist()
-    assert choose_session.choose_session({"a-000000": None}, typist) == "a-000000"
+    assert choose_session({"a-000000": None}, typist) == "a-000000"
     assert typist.said == [] and typist.questions == 0
 
 
 def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
     typist = Typist(["", "4", "x", " 2 "])
-    assert choose_session.choose_session(SEVERAL, typist) == "greeting-a1b2c3"
+    assert choose_session(SEVERAL, typist) == "greeting-a1b2c3"
     assert typist.questions == 4, "nothing is taken by default"
     rows = [line for line in typist.said if line.startswith("  ")]
     assert rows[0].split() == ["1", "LabLinking", "DEBUG", "pepper", "for", "14", "min", "anna", "has", "control"]
@@ -90,23 +89,23 @@ def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
 
 def test_several_sessions_and_several_consoles() -> None:
     typist = Typist(["1"])
-    choose_session.choose_session({"a": about(clients=("wizard:anna", "observer:ben")), "b": about()}, typist)
+    choose_session({"a": about(clients=("wizard:anna", "observer:ben")), "b": about()}, typist)
     assert any("anna has control, 2 attached" in line for line in typist.said)
 
 
 @pytest.mark.parametrize(("answers", "code"), [(["q"], 0), ([], 2)])
 def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
     with pytest.raises(Refused) as nothing:
-        choose_session.choose_session(SEVERAL, Typist(answers))
+        choose_session(SEVERAL, Typist(answers))
     assert nothing.value.exit_code == code
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
-    choose_session.check_matches("a", about(), CommandLine())
-    choose_session.check_matches("a", about(), CommandLine(robot="pepper", mode="debug"))
+    check_matches("a", about(), CommandLine())
+    check_matches("a", about(), CommandLine(robot="pepper", mode="debug"))
     own = CommandLine(participant="P07", condition="calm")
-    choose_session.check_matches("a", about(participant="P07", condition="calm"), own)
-    choose_session.check_matches("a", None, CommandLine(robot="floka", mode="real", participant="P08"))
+    check_matches("a", about(participant="P07", condition="calm"), own)
+    check_matches("a", None, CommandLine(robot="floka", mode="real", participant="P08"))
     for wanted, said in (
         ({"robot": "floka"}, "with --robot pepper and not floka"),
         ({"mode": "real"}, "with --mode debug and not real"),
@@ -116,14 +115,14 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be said of a session that begins"),
     ):
         with pytest.raises(Refused, match=said):
-            choose_session.check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]
+            check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]
     with pytest.raises(Refused, match="with --participant P07 and not P08"):
-        choose_session.check_matches("a", about(participant="P07"), CommandLine(participant="P08"))
+        check_matches("a", about(participant="P07"), CommandLine(participant="P08"))
 
 
 def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
     typist = Typist(["", "y", "r"])
-    assert choose_session.choose_recovery(ONE, typist) == ONE[0][0]
+    assert choose_recovery(ONE, typist) == ONE[0][0]
     assert typist.questions == 3
     said = "\n".join(typist.said)
     assert "counts as lost: nothing is repeated to the participant by itself" in " ".join(said.split())
@@ -131,17 +130,17 @@ def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
 
 
 def test_a_new_session_or_none() -> None:
-    assert choose_session.choose_recovery(ONE, Typist(["n"])) == "new"
+    assert choose_recovery(ONE, Typist(["n"])) == "new"
     for answers, code in ((["q"], 0), ([], 2)):
         with pytest.raises(Refused) as nothing:
-            choose_session.choose_recovery(ONE, Typist(answers))
+            choose_recovery(ONE, Typist(answers))
         assert nothing.value.exit_code == code
 
 
 @pytest.mark.parametrize(("answer", "which"), [("r", 0), ("r1", 0), ("r 2", 1), ("2", 1)])
 def test_of_several_unfinished_sessions_the_latest_or_any_other(answer: str, which: int) -> None:
     typist = Typist(["r3", answer])
-    assert choose_session.choose_recovery(TWO, typist) == TWO[which][0]
+    assert choose_recovery(TWO, typist) == TWO[which][0]
     assert typist.said[0].startswith("2 earlier sessions")
 
 
@@ -150,9 +149,9 @@ def test_another_participant_s_session_is_named_and_never_chosen() -> None:
         typist = Typist(answers)
         if chosen is None:
             with pytest.raises(Refused):
-                choose_session.choose_recovery([], typist, ONE, "P08")
+                choose_recovery([], typist, ONE, "P08")
         else:
-            assert choose_session.choose_recovery([], typist, ONE, "P08") == chosen
+            assert choose_recovery([], typist, ONE, "P08") == chosen
         said = " ".join("\n".join(typist.said).split())
         assert ONE[0][1] in said and "not of P08" in said and "begin a new session for P08" in said
         assert "not offered again" not in said
@@ -161,29 +160,27 @@ def test_another_participant_s_session_is_named_and_never_chosen() -> None:
 
 def test_of_one_s_own_and_others_only_the_own_is_recovered() -> None:
     typist = Typist(["2", "r"])
-    assert choose_session.choose_recovery(ONE, typist, TWO[1:], "P07") == ONE[0][0]
+    assert choose_recovery(ONE, typist, TWO[1:], "P07") == ONE[0][0]
     assert TWO[1][1] in "\n".join(typist.said)
 
 
 def test_what_is_asked_fits_on_the_narrowest_terminal() -> None:
     sentence = "LabLinking: setting the table (debug, pepper), participant P07, condition no hesitation, begun " * 2
     typist = Typist(["n"])
-    choose_session.choose_recovery(
-        [("/s/a", sentence), ("/s/b", sentence)], typist, [("/s/c", sentence)], "P08, condition hesitation"
-    )
+    choose_recovery([("/s/a", sentence), ("/s/b", sentence)], typist, [("/s/c", sentence)], "P08, condition hesitation")
     assert max(map(len, typist.said)) < 80
 
 
 def test_without_a_terminal_the_options_are_named() -> None:
     with pytest.raises(Refused, match="--recover to continue it, or --new") as nothing:
-        choose_session.choose_recovery(ONE, Typist(interactive=False))
+        choose_recovery(ONE, Typist(interactive=False))
     assert nothing.value.exit_code == 2
 
 
 def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
     typist = Typist(["1"])
-    choose_session.choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
-    choose_session.choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
+    choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
+    choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
     assert not any("\x1b" in line or "\x9b" in line for line in typist.said)
 
 

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 from rise_engine.cli.terminal import Refused
 from rise_tui.cli import start
+from rise_tui.cli.command_line import CommandLine
 from rise_tui.cli.main import main
-from rise_tui.cli.options import CommandLine
 from rise_tui.config.display import DisplayOptions
 from tests.tui.fake import DEMO
 from tests.tui.scripted import scripted

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 
 from rise_engine.cli.terminal import Refused
 from rise_engine.session.shadow import ShadowPlay, ShadowWriter
+from rise_tui.cli.command_line import CommandLine
 from rise_tui.cli.main import main
 from rise_tui.cli.open_console import make_shadow
-from rise_tui.cli.options import CommandLine
 from tests.results.analysis.cues import CUES, add_shadow, make_session
 
 

@@ -19,7 +19,7 @@ from rise_engine.run.server import spawn
 from rise_engine.session.journal_format import encode_header, encode_input
 from rise_engine.study.model import SessionEntry
 from rise_tui.cli import study_folder
-from rise_tui.cli.options import CommandLine
+from rise_tui.cli.command_line import CommandLine
 from rise_tui.cli.start import find_study_session, is_study
 from rise_tui.cli.study_folder import StudyFolder, open_study
 from rise_tui.config.study_source import SessionRequest

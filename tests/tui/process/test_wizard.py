@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_tui.cli.options import CommandLine
+from rise_tui.cli.command_line import CommandLine
 from rise_tui.cli.start import QUESTION, last_wizard, name_wizard
 from rise_tui.config.preferences import Preferences, load_saved
-from rise_tui.console.ui_state import UiState, save_all
+from rise_tui.console.layout import UiState, save_all
 
 
 class Person:

@@ -7,9 +7,8 @@ import pytest
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.run.protocol.registry import RegistryError
 from rise_tui.cli import open_console
-from rise_tui.cli.choose_session import login_name
+from rise_tui.cli.command_line import CommandLine, login_name
 from rise_tui.cli.open_console import wizard_name
-from rise_tui.cli.options import CommandLine
 
 
 def summary(mode: str, wizard: str) -> SessionSummary:

@@ -16,7 +16,7 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input
 from rise_engine.scenario.model import Condition, Scenario
 from rise_tui.config.launch import ScenarioProblems, load_scenario, read_summary
-from rise_tui.config.paths import expand_home
+from rise_tui.config.preferences import expand_home
 from rise_tui.model.control import HELD_KEY_SECONDS
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.session_forms import EndSessionDialog

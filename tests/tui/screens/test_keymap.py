@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from rise_tui.actions import ACTIONS, BY_ID
-from rise_tui.config.key_file import FIXED, read_keys
-from rise_tui.config.keymap import KeyFile, textual_keymap
-from rise_tui.config.paths import config_folder, key_file_path
+from rise_tui.config.key_file import FIXED, KeyFile, read_keys, textual_keymap
+from rise_tui.config.preferences import config_folder, key_file_path
 from rise_tui.key_labels import first_key_label, key_label, keys_of, use_own_keys
 from rise_tui.screens.help import HelpScreen
 from tests.tui.conftest import console

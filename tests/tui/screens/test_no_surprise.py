@@ -13,7 +13,7 @@ from rise_engine.kernel.records import CueRecord, EventRecord, MemoryRecord
 from rise_engine.scenario.model import Rule, Scenario, State, Transition
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.rendering.text import fit_end, format_value, heading_line, plain_text
-from rise_tui.widgets.row_list import RowList
+from rise_tui.widgets.lines import RowList
 from tests.tui.conftest import console
 from tests.tui.fake import FakeClient, demo
 

@@ -11,9 +11,15 @@ from time import monotonic
 import pytest
 
 from rise_engine.run.protocol.registry import session_name
-from rise_tui.config.paths import PREFERENCES_NAME, state_folder
-from rise_tui.config.preferences import Preferences, SavedLayout, load_saved, write_saved
-from rise_tui.console.ui_state import UiState
+from rise_tui.config.preferences import (
+    PREFERENCES_NAME,
+    Preferences,
+    SavedLayout,
+    load_saved,
+    state_folder,
+    write_saved,
+)
+from rise_tui.console.layout import UiState
 from rise_tui.rendering.themes import short_name
 from tests.patience import PATIENCE
 from tests.tui.conftest import Console, console

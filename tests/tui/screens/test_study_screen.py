@@ -19,7 +19,7 @@ from rise_engine.study.model import (
     RecorderSettings,
     RecordingSettings,
 )
-from rise_tui.config.keymap import KeyFile
+from rise_tui.config.key_file import KeyFile
 from rise_tui.config.study_source import SessionRequest, StudyNow
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.screen import ConsoleScreen

@@ -11,10 +11,10 @@ from textual.color import Color
 from textual.theme import Theme
 
 import rise_tui
-from rise_tui.cli.options import THEMES
+from rise_tui.cli.command_line import THEMES
 from rise_tui.config.display import DetectedColors, DisplayOptions, choose_theme, detect_colors, prepare_textual
 from rise_tui.rendering import themes
-from rise_tui.widgets.static_lines import STYLE_SPECS
+from rise_tui.widgets.lines import STYLE_SPECS
 from tests.chance import searched
 from tests.tui.conftest import Console, console
 from tests.tui.fake import DEMO

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from textual.geometry import Region, Size
 
-from rise_tui.config.paths import PREFERENCES_NAME, state_folder
-from rise_tui.config.preferences import Preferences, load_saved
-from rise_tui.console.ui_state import UiState
+from rise_tui.config.preferences import PREFERENCES_NAME, Preferences, load_saved, state_folder
+from rise_tui.console.layout import UiState
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.tour import STEPS, TourScreen, box_lines, is_tour_due, place_box

@@ -14,7 +14,7 @@ from textual.strip import Strip
 
 from rise_tui.rendering import themes
 from rise_tui.rendering.text import StyledLine, TextRole, clean, plain_text
-from rise_tui.widgets.static_lines import CURSOR_BACKGROUND, STYLE_SPECS, UNFOCUSED_CURSOR_BACKGROUND, StyledLines
+from rise_tui.widgets.lines import CURSOR_BACKGROUND, STYLE_SPECS, UNFOCUSED_CURSOR_BACKGROUND, StyledLines
 
 TEXTS = st.text(st.sampled_from("ab  é日\n\x1b"), max_size=6)
 LINES = st.lists(st.tuples(TEXTS, st.sampled_from(sorted(STYLE_SPECS))), max_size=6).map(tuple)
