@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from getpass import getuser
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import click
 from msgspec import Struct
@@ -21,9 +21,12 @@ from rise_engine.run.protocol.client import Role
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.config.display import DisplayOptions
-from rise_tui.config.preferences import abbreviate_home
+from rise_tui.config.preferences import abbreviate_home, key_file_path
 from rise_tui.model.notice import short_name
 from rise_tui.rendering.text import clean, format_age, wrap
+
+if TYPE_CHECKING:
+    from rise_tui.config.key_file import KeyFile
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
 """The themes of `rise_tui.rendering.themes`. That module is imported only when a session is starting."""
@@ -174,6 +177,19 @@ def login_name() -> str:
 def not_started(*lines: str, status: int = USAGE) -> Refused:
     """The error that ends the program before it starts or attaches to anything; the lines say why."""
     return Refused(status=status, findings=lines)
+
+
+def read_key_file(named: str | None) -> KeyFile | None:
+    """The user's key file, as named on the command line; None without one. Brings Textual. Raises Refused."""
+    path = key_file_path(named)
+    if path is None:
+        return None
+    from rise_tui.config.key_file import how_to_fix, read_keys
+
+    keys = read_keys(path)
+    if keys.problems:
+        raise not_started(*map(str, keys.problems), how_to_fix(path))
+    return keys
 
 
 NOT_OFFERED_AGAIN = "The earlier record stays as it is, and is not offered again."

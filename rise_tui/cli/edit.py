@@ -14,14 +14,14 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.study_folder import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import RiseError
-from rise_engine.base.exit_status import REFUSED, USAGE
+from rise_engine.base.exit_status import REFUSED
 from rise_engine.cli.options import ROBOT
 from rise_engine.run.client import connect
 from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
-from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal
+from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal, not_started, read_key_file
 from rise_tui.config.display import (
     USUAL_FRAMES,
     DisplayOptions,
@@ -30,15 +30,9 @@ from rise_tui.config.display import (
     prepare_textual,
     with_detected_colors,
 )
-from rise_tui.config.preferences import (
-    PREFERENCES_NAME,
-    Preferences,
-    expand_home,
-    key_file_path,
-    load_saved,
-    state_folder,
-)
-from rise_tui.editor.study import RunningHere, SessionWatch
+from rise_tui.config.preferences import PREFERENCES_NAME, Preferences, expand_home, load_saved, state_folder
+from rise_tui.editor.model.draft import draft_of
+from rise_tui.editor.study import EditedStudy, RunningHere, explore_saved
 
 STOP_SECONDS = 5.0
 
@@ -98,47 +92,38 @@ class SessionsHere:
 def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOptions) -> int:
     """Show the editor until the user leaves it; returns the exit status."""
     if not PlainTerminal().interactive:
-        click.echo("the editor needs a terminal; `rise-engine edit` needs none", err=True)
-        return USAGE
+        raise not_started("the editor needs a terminal; `rise-engine edit` needs none")
     path = expand_home(folder)
     of_study = path.name in (STUDY_FILE, PARTICIPANTS_FILE)
     path = path.parent if of_study or path.name == SCENARIO_FILE else path
     below = scenarios_below(path) if not of_study else []
     if len(below) > 1:
-        click.echo(f"{folder} is a study of several scenarios. Which one? Type one of:", err=True)
-        for each in below:
-            click.echo(f"  rise-tui edit {shlex.quote(os.path.normpath(each))}", err=True)
-        click.echo(f"  rise-tui edit {shlex.quote(os.path.normpath(path / STUDY_FILE))}  for its design", err=True)
-        return USAGE
+        raise not_started(
+            f"{folder} is a study of several scenarios. Which one? Type one of:",
+            *(f"  rise-tui edit {shlex.quote(os.path.normpath(each))}" for each in below),
+            f"  rise-tui edit {shlex.quote(os.path.normpath(path / STUDY_FILE))}  for its design",
+        )
     path = Path(os.path.normpath(below[0])) if below else path
     try:
         workspace = Workspace(path, robot=robot, also_check=findings_of_files)
     except EditRefused as refused:
-        click.echo(str(refused), err=True)
-        return REFUSED
+        raise not_started(str(refused), status=REFUSED) from None
     display = with_detected_colors(display, os.environ)
     prepare_textual(display)  # before anything imports Textual
-    return _run_editor(workspace, SessionsHere(), key_file_path(keys), display)
-
-
-def _run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:
-    """Run the editor until the user leaves it; returns the exit status."""
-    from rise_tui.config.key_file import (
-        how_to_fix,
-        read_keys,  # all of these bring Textual
-    )
-    from rise_tui.editor.model.draft import draft_of
+    key_file = read_key_file(keys)
     from rise_tui.editor.screen import EditApp
-    from rise_tui.editor.study import EditedStudy, explore_saved
 
-    keys = read_keys(key_file) if key_file is not None else None
-    if keys is not None and keys.problems:
-        click.echo("\n".join((*map(str, keys.problems), how_to_fix(key_file))), err=True)
-        return USAGE
     kept, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     theme = choose_theme(display, detect_colors(display, os.environ), kept.theme)
     study = EditedStudy(workspace, draft_of(workspace))
-    app = EditApp(study, sessions=sessions, theme=theme, keys=keys, notice=workspace.read_only, explorer=explore_saved)
+    app = EditApp(
+        study,
+        sessions=SessionsHere(),
+        theme=theme,
+        keys=key_file,
+        notice=workspace.read_only,
+        explorer=explore_saved,
+    )
     app.run(mouse=display.mouse)
     asyncio.run(study.close())
     return app.return_code or 0

@@ -36,17 +36,11 @@ from rise_tui.cli.command_line import (
     choose_session,
     login_name,
     not_started,
+    read_key_file,
 )
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
-from rise_tui.config.preferences import (
-    PREFERENCES_NAME,
-    Preferences,
-    expand_home,
-    key_file_path,
-    load_saved,
-    state_folder,
-)
+from rise_tui.config.preferences import PREFERENCES_NAME, Preferences, expand_home, load_saved, state_folder
 from rise_tui.config.settings import engine_options, scenario_path, why_no_scenario
 from rise_tui.rendering.text import clean
 
@@ -58,7 +52,7 @@ def start(options: CommandLine) -> NoReturn:
     """Do what the command line asks for; ends the process with its exit status."""
     options = replace(options, display=with_detected_colors(options.display, os.environ))
     prepare_textual(options.display)  # before anything imports Textual
-    keys = _read_keys(options)
+    keys = read_key_file(options.keys)
     if options.replay is not None:
         _open_replay(options, keys)
     elif options.shadow is not None:
@@ -73,19 +67,6 @@ def start(options: CommandLine) -> NoReturn:
 
 def _refuse_start(reason: str) -> NoReturn:
     raise not_started(reason)
-
-
-def _read_keys(options: CommandLine) -> KeyFile | None:
-    """The user's key file; None without one."""
-    path = key_file_path(options.keys)
-    if path is None:
-        return None
-    from rise_tui.config.key_file import how_to_fix, read_keys
-
-    keys = read_keys(path)
-    if keys.problems:
-        raise not_started(*map(str, keys.problems), how_to_fix(path))
-    return keys
 
 
 def _need_terminal(*also: str) -> None:

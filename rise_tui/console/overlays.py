@@ -76,9 +76,7 @@ def _row(digit: str, row: int) -> str:
 class Flash(Widget, can_focus=False):
     """Covers everything else on a screen, but takes no keys: they go where they went before."""
 
-    DEFAULT_CSS = """
-    Flash { layer: flash; overlay: screen; width: 100%; height: 100%; }
-    """
+    DEFAULT_CSS = "Flash { layer: flash; overlay: screen; width: 100%; height: 100%; }"
 
     def __init__(self, number: int, *, on_dark: bool) -> None:
         """`on_dark`: whether the screen below is dark, for the strongest contrast."""

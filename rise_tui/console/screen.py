@@ -42,9 +42,7 @@ class ConsoleScreen(Screen[None]):
 
     BINDINGS = bindings_in("console")
 
-    DEFAULT_CSS = """
-    ConsoleScreen { layout: vertical; background: $background; }
-    """
+    DEFAULT_CSS = "ConsoleScreen { layout: vertical; background: $background; }"
 
     class OpenSettings(Message):
         """The wizard wants other settings. The app knows how to start sessions."""

@@ -54,9 +54,7 @@ WATCH_SECONDS = 2.0
 class StudyScreen(Screen[None]):
     """The participants, and what can be done with each."""
 
-    DEFAULT_CSS = """
-    StudyScreen { layout: vertical; background: $background; }
-    """
+    DEFAULT_CSS = "StudyScreen { layout: vertical; background: $background; }"
 
     BINDINGS: ClassVar[list[BindingType]] = [
         *bindings_in("study"),

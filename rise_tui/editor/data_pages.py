@@ -34,13 +34,13 @@ from rise_tui.widgets.lines import StaticLines
 class DataPage(FormPage):
     """A form that fills the page."""
 
-    DEFAULT_CSS = """
-    DataPage #head { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "DataPage #head { background: $rise-bar; }"
     CAN_FILTER = True
     TITLE: ClassVar[str]
     EMPTY: ClassVar[str]
     """The text for an empty page; it says how to make the first row."""
+    COUNTED: ClassVar[tuple[str, str]] = "value", ""
+    """What the rows are, and what follows their number."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
@@ -54,17 +54,14 @@ class DataPage(FormPage):
     def first_focus(self) -> Widget | None:
         return self.form.rows
 
-    def count_text(self, fields: Sequence[EditField]) -> str:
-        """The number of rows, in words."""
-        return pluralize(len(fields), "value")
-
     @abstractmethod
     def make_fields(self) -> Sequence[EditField]:
         """All fields, from the draft."""
 
     def draw(self) -> None:
-        fields = self.make_fields()
-        note = self.EMPTY if not fields else self.count_text(fields) if not self.wanted else f"find {self.wanted}"
+        fields, (noun, after) = self.make_fields(), self.COUNTED
+        count = pluralize(len(fields), noun) + after
+        note = self.EMPTY if not fields else count if not self.wanted else f"find {self.wanted}"
         head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
         wanted = self.wanted.casefold()
@@ -87,9 +84,7 @@ class MemoryPage(DataPage):
 
     KIND: ClassVar[str] = "memory"
     TITLE, EMPTY = "MEMORY", "no start values yet: a adds a key"
-
-    def count_text(self, fields: Sequence[EditField]) -> str:
-        return f"{pluralize(len(fields), 'key')} with a start value"
+    COUNTED = "key", " with a start value"
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -141,9 +136,7 @@ class KeysPage(DataPage):
 
     KIND: ClassVar[str] = "keys"
     TITLE, EMPTY = "KEYS", "no keys yet: a adds one"
-
-    def count_text(self, fields: Sequence[EditField]) -> str:
-        return pluralize(len(fields), "key")
+    COUNTED = "key", ""
 
     @property
     def hints(self) -> Mapping[str, str]:

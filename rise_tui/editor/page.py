@@ -74,9 +74,7 @@ class EditFrame(Protocol):
 class EditPage(Vertical):
     """Fills the frame. `draw` makes everything that it shows, from `draft`."""
 
-    DEFAULT_CSS = """
-    EditPage { height: 1fr; width: 1fr; layers: default edit; }
-    """
+    DEFAULT_CSS = "EditPage { height: 1fr; width: 1fr; layers: default edit; }"
 
     KIND: ClassVar[str]
     """The kind by which it is opened."""
@@ -243,9 +241,7 @@ COMMON_HINTS = {
 class EditTopLine(StaticLines):
     """The study, EDIT, what is wrong, what is not saved."""
 
-    DEFAULT_CSS = """
-    EditTopLine { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "EditTopLine { background: $rise-bar; }"
 
     def draw(self, draft: StudyDraft, busy: str) -> None:
         self.show(top_line(draft, self.size.width, busy=busy))

@@ -76,9 +76,7 @@ class MemoryPane(ListPane):
     TITLE = "Memory"
     PARTS = frozenset({"memory", "status"})
 
-    DEFAULT_CSS = """
-    MemoryPane { layers: default edit; }
-    """
+    DEFAULT_CSS = "MemoryPane { layers: default edit; }"
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)

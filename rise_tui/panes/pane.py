@@ -86,9 +86,7 @@ class Pane(Vertical):
     EMPTY: ClassVar[str] = ""
     """The text when there is nothing to show."""
 
-    DEFAULT_CSS = """
-    Pane { height: 1fr; width: 1fr; }
-    """
+    DEFAULT_CSS = "Pane { height: 1fr; width: 1fr; }"
 
     def __init__(self, store: Store) -> None:
         super().__init__(id=self.SCOPE)

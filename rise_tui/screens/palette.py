@@ -40,9 +40,7 @@ from rise_tui.widgets.lines import CURSOR_BACKGROUND, RowList, RowView
 class FoundList(RowList, can_focus=False):
     """The list. The keys stay with the line above; Enter goes to the list's cursor."""
 
-    DEFAULT_CSS = """
-    FoundList { background: $panel; }
-    """
+    DEFAULT_CSS = "FoundList { background: $panel; }"
 
     def background_of(self, index: int) -> str:
         return CURSOR_BACKGROUND if index == self.cursor else ""

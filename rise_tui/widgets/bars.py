@@ -43,9 +43,7 @@ NOTICE_GLYPHS: dict[str, tuple[str, TextRole]] = {
 class StatusLine(StoreLines):
     """The top line: what runs, in which mode, on which robot, since when, and whether keys start anything."""
 
-    DEFAULT_CSS = """
-    StatusLine { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "StatusLine { background: $rise-bar; }"
 
     def draw(self) -> None:
         self.show(status_line(self.store, self.size.width))
@@ -82,9 +80,7 @@ def notice_lines(notice: Notice, width: int) -> list[StyledLine]:
 class KeyHints(StaticLines):
     """The keys of the focused pane and those that always work. Each can be clicked."""
 
-    DEFAULT_CSS = """
-    KeyHints { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "KeyHints { background: $rise-bar; }"
 
     def __init__(self) -> None:
         super().__init__()
@@ -200,9 +196,7 @@ def _key_and_text(key: str, what: str) -> list[StyledSpan]:
 class SpeechBand(StoreLines):
     """The robot's sentence, in every terminal size, and what comes next if nobody does anything."""
 
-    DEFAULT_CSS = """
-    SpeechBand { height: 2; background: $surface; }
-    """
+    DEFAULT_CSS = "SpeechBand { height: 2; background: $surface; }"
 
     _sentence_rows = 1
 
@@ -221,9 +215,7 @@ class SpeechBand(StoreLines):
 class KeyStrip(StoreLines):
     """The study's own keys. Each can be clicked."""
 
-    DEFAULT_CSS = """
-    KeyStrip { height: 1; background: $surface; }
-    """
+    DEFAULT_CSS = "KeyStrip { height: 1; background: $surface; }"
 
     _rows = 1
     _pieces: tuple[KeyStripPiece, ...] = ()

@@ -27,9 +27,7 @@ from rise_tui.widgets.lines import StaticLines, StoreLines
 class TextField(Input):
     """A text field of one bare row."""
 
-    DEFAULT_CSS = """
-    TextField, TextField:focus { height: 1; border: none; padding: 0; background: $panel; }
-    """
+    DEFAULT_CSS = "TextField, TextField:focus { height: 1; border: none; padding: 0; background: $panel; }"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
     """Tab goes to the next field; elsewhere on the console it goes to the next pane."""
 

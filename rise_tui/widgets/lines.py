@@ -97,9 +97,7 @@ class StyledLines(Widget):
 class StaticLines(StyledLines):
     """One or more lines of styled text."""
 
-    DEFAULT_CSS = """
-    StaticLines { height: 1; width: 1fr; }
-    """
+    DEFAULT_CSS = "StaticLines { height: 1; width: 1fr; }"
 
     class DrawAgain(Message):
         """The width has changed: make lines that depend on it again."""

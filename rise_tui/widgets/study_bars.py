@@ -17,9 +17,7 @@ READING = "reading the study …"
 class StudyHead(StaticLines):
     """The study's title, its mode, and the wizard's name."""
 
-    DEFAULT_CSS = """
-    StudyHead { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "StudyHead { background: $rise-bar; }"
 
     def draw(self, study: Study | None, wizard: str, *, is_read: bool) -> None:
         if study is None:
@@ -39,9 +37,7 @@ class StudyHead(StaticLines):
 class SubHead(StaticLines):
     """The title of a list, and a note on its right."""
 
-    DEFAULT_CSS = """
-    SubHead { background: $rise-bar; }
-    """
+    DEFAULT_CSS = "SubHead { background: $rise-bar; }"
 
     def draw(self, title: str, note: str = "") -> None:
         left: StyledLine = ((f" {title.upper()} ", "accent"),)
