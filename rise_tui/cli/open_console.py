@@ -26,7 +26,7 @@ from rise_tui.cli.command_line import UNNAMED, CommandLine, Prompter, login_name
 from rise_tui.cli.study_folder import find_study, open_study
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.key_file import KeyFile
-from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
+from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, StudySource, startup_notice
 from rise_tui.config.preferences import (
     PREFERENCES_NAME,
     Preferences,
@@ -36,7 +36,6 @@ from rise_tui.config.preferences import (
     state_folder,
 )
 from rise_tui.config.settings import engine_options, scenario_path
-from rise_tui.config.study_source import StudySource
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.layout import UiState, save_all
 from rise_tui.rendering.text import clean, format_clock

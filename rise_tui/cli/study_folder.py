@@ -39,9 +39,15 @@ from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.traces import study_of_session
-from rise_tui.config.launch import startup_notice
+from rise_tui.config.launch import (
+    ReportProgress,
+    SessionPreview,
+    SessionRequest,
+    StartedSession,
+    StudyNow,
+    startup_notice,
+)
 from rise_tui.config.preferences import expand_home
-from rise_tui.config.study_source import ReportProgress, SessionPreview, SessionRequest, StartedSession, StudyNow
 from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
@@ -63,7 +69,7 @@ def find_study(attach_reply: AttachReply, ros: RosConnection) -> StudyFolder | N
 
 
 class StudyFolder:
-    """Implements `rise_tui.config.study_source.StudySource`."""
+    """Implements `rise_tui.config.launch.StudySource`."""
 
     def __init__(self, folder: str, ros: RosConnection) -> None:
         """`ros`: how sessions that begin here reach ROS 2."""

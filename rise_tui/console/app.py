@@ -20,9 +20,8 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
 from rise_tui.config.key_file import KeyFile, how_to_fix
-from rise_tui.config.launch import Launcher, settings_of_session
+from rise_tui.config.launch import Launcher, StudySource, settings_of_session
 from rise_tui.config.preferences import Preferences
-from rise_tui.config.study_source import StudySource
 from rise_tui.console import overlays, questions
 from rise_tui.console.layout import SAVE_SECONDS, UiState, save_all
 from rise_tui.console.screen import ConsoleScreen

@@ -17,14 +17,12 @@ from textual.widget import Widget
 
 from rise_tui.actions import KeyScope
 from rise_tui.console.layout import Layout
-from rise_tui.model.store import Store
 from rise_tui.rendering.text import crop
 from rise_tui.rendering.themes import BLACK, WHITE
 from rise_tui.requests import ConsoleHost
 from rise_tui.rise_app import is_editing
 from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.palette import open_palette, palette_commands
-from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import LETTERS, JumpScreen, TitleLabels, TourScreen, label_line
 
 FLASH_SECONDS = 0.6
@@ -187,12 +185,6 @@ def show_flash(app: App[object], number: int) -> None:
     for earlier in app.screen.query(Flash):
         earlier.remove()
     app.screen.mount(Flash(number, on_dark=app.current_theme.dark))
-
-
-def show_when_too_small(app: App[object], store: Store | None) -> None:
-    """Say what is needed when the window is too small for a console. `store`: None while no session runs."""
-    if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
-        app.push_screen(TooSmallScreen(store))
 
 
 def close_all_above(console: Screen[None]) -> None:

@@ -28,6 +28,7 @@ from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import is_editing, takes_text
 from rise_tui.screens.palette import open_palette
+from rise_tui.screens.too_small import show_when_too_small
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
 from rise_tui.widgets.lines import StaticLines
@@ -85,12 +86,12 @@ class ConsoleScreen(Screen[None]):
 
     def on_resize(self) -> None:
         self.bars.fit_terminal(self.app.size)
-        overlays.show_when_too_small(self.app, self.store)
+        show_when_too_small(self.app, self.store)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:
         if self.stack_updates == 0:  # the first time: mounting has just styled everything
             event.refresh_styles = False
-        overlays.show_when_too_small(self.app, self.store)
+        show_when_too_small(self.app, self.store)
 
     @on(StaticLines.DrawAgain)
     def _draw_again(self) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from itertools import count
 from pathlib import Path
 from time import monotonic
+from typing import TypeVar
 
 from rise_engine.base.files import is_locked, wait_until
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
@@ -16,8 +17,9 @@ from rise_engine.session.folder import JOURNAL, has_ended
 from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.control import Deed
 from rise_tui.model.notice import Notice, task_label
-from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
+from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart, parts_of_sent
 
+Answer = TypeVar("Answer")
 ChangeCallback = Callable[[frozenset[StorePart] | set[StorePart]], None]
 
 RECORDS_PER_TURN = 64
@@ -151,7 +153,7 @@ class ConsoleSession:
             return False
         ref = f"{store.reference_prefix}{next(self._task_numbers)}"
         store.sent[ref] = SentTask(function, behavior, store.now())
-        self.on_change(ALL_PARTS)
+        self.on_change(parts_of_sent(function))
         message = Submit(
             function=function,
             behavior=behavior,
@@ -160,22 +162,27 @@ class ConsoleSession:
             ref=ref,
             pressed=pressed,
         )
-        try:
-            reply = await self.client.send(message)
-        except LinkLost:
+        reply = await self._answer(self.client.send(message))
+        if reply is None:
             return False  # it stays `sent` until the next snapshot
-        except EngineGone as gone:
-            store.sent.pop(ref, None)
-            self._note_engine_gone(str(gone), over=False)
-            return False
         if not reply.accepted or reply.task is None or reply.task in store.view.tasks:
             store.sent.pop(ref, None)
         if reply.accepted and store.attach_reply.shadow:
             store.notice = Notice(f"{task_label(function, behavior)}: {reply.reason}")
         if not reply.accepted:
             store.notice = Notice(f"{task_label(function, behavior)} was rejected: {reply.reason}", "wait")
-        self.on_change(ALL_PARTS)
+        self.on_change(parts_of_sent(function) | {"notice"})
         return reply.accepted
+
+    async def _answer(self, request: Awaitable[Answer]) -> Answer | None:
+        """The engine's answer. None: the connection was cut, or the engine has gone, which the screen then shows."""
+        try:
+            return await request
+        except LinkLost:
+            return None
+        except EngineGone as gone:
+            self._note_engine_gone(str(gone), over=False)
+            return None
 
     async def add_note(self, text: str) -> bool:
         """Add a remark to the record. False when it was not accepted; the reason is shown."""
@@ -197,43 +204,27 @@ class ConsoleSession:
         be allowed to do for it."""
         if reason := why_blocked(self.store, deed):
             return reason
-        try:
-            reply = await self.client.send(message)
-        except LinkLost:
-            return "the connection was cut; it may or may not have arrived"
-        except EngineGone as gone:
-            self._note_engine_gone(str(gone), over=False)
-            return why_blocked(self.store, "reach")
-        return "" if reply.accepted else reply.reason
+        reply = await self._answer(self.client.send(message))
+        if reply is not None:
+            return "" if reply.accepted else reply.reason
+        gone = why_blocked(self.store, "reach") if self.store.gone_reason else ""
+        return gone or "the connection was cut; it may or may not have arrived"
 
     async def change_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control. The result arrives as a record."""
         reason = why_blocked(self.store, "remark")
         if not reason:
-            try:
-                reply = await self.client.change_control(verb)
-                reason = "" if reply.accepted else reply.reason
-            except LinkLost:
-                return  # the next snapshot tells who has it
-            except EngineGone as gone:
-                self._note_engine_gone(str(gone), over=False)
-                return
+            reply = await self._answer(self.client.change_control(verb))
+            reason = "" if reply is None or reply.accepted else reply.reason  # the next snapshot tells who has it
         if reason:
             self.show_notice(Notice(f"control has not changed: {reason}", "wait"))
 
     async def take_over_files(self) -> None:
         """Make the session continue with its study's present files. The connection is then cut and made again."""
-        try:
-            reply = await self.client.take_over()
-        except LinkLost:
-            return  # the record tells whether it was done
-        except EngineGone as gone:
-            self._note_engine_gone(str(gone), over=False)
-            return
-        if reply.accepted:
-            self.show_notice(Notice("the session now uses the changed files", "wait"))
-        else:
-            self.show_notice(Notice(f"the session keeps its files: {reply.reason}", "wait"))
+        reply = await self._answer(self.client.take_over())
+        if reply is not None:  # else the record tells whether it was done
+            kept = f"the session keeps its files: {reply.reason}"
+            self.show_notice(Notice("the session now uses the changed files" if reply.accepted else kept, "wait"))
 
     async def toggle_pause(self) -> None:
         """Pause or resume a session that is played to a second wizard."""

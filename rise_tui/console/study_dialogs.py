@@ -16,9 +16,8 @@ from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.run.protocol.client import AttachReply
 from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
-from rise_tui.config.launch import RecoveredClient
+from rise_tui.config.launch import RecoveredClient, ReportProgress, SessionPreview, SessionRequest, StudySource
 from rise_tui.config.preferences import abbreviate_home
-from rise_tui.config.study_source import ReportProgress, SessionPreview, SessionRequest, StudySource
 from rise_tui.console.questions import RECOVERY_LINES
 from rise_tui.console.session import ConsoleSession
 from rise_tui.model.check_list import CheckList

@@ -1,4 +1,4 @@
-"""The lists of a study's screen: the participants, which can be searched, and beside or below them the plan."""
+"""The head, the lists and the hints of a study's screen: the participants, which can be searched, and the plan."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from textual import on
 from textual.app import ComposeResult
 from textual.containers import Container, Vertical
 
-from rise_engine.study.model import ParticipantStanding, StudyStanding
-from rise_tui.config.study_source import StudyNow
+from rise_engine.study.model import ParticipantStanding, Study, StudyStanding
+from rise_engine.study.recording_table import recorders_text
+from rise_tui.actions import BY_ID, actions_in
+from rise_tui.config.launch import StudyNow
+from rise_tui.key_labels import first_key_label
 from rise_tui.model.filtering import Filter, InvalidFilter, filter_rows
 from rise_tui.model.study_rows import (
     NO_CONDITIONS,
@@ -20,10 +23,55 @@ from rise_tui.model.study_rows import (
     problem_rows,
     rehearsal_rows,
 )
-from rise_tui.rendering.text import ListRow
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, clean, line_width
+from rise_tui.widgets.bars import KeyHints
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
-from rise_tui.widgets.study_bars import SubHead
+
+
+class StudyHead(StaticLines):
+    """The study's title, its mode, and the wizard's name."""
+
+    DEFAULT_CSS = "StudyHead { background: $rise-bar; }"
+
+    def draw(self, study: Study | None, wizard: str, *, is_read: bool) -> None:
+        if study is None:
+            self.show(((" This study has errors", "fault") if is_read else (" A study", "strong"),))
+            return
+        real = study.mode == "real"
+        right: list[StyledSpan] = [(study.mode.upper(), "wait" if real else "accent"), ("  ", "plain")]
+        right += [(f"wizard {clean(wizard)} " if wizard else "no wizard named yet ", "muted")]
+        left: StyledLine = ((f" {clean(study.title)}", "strong"),)
+        recorders = recorders_text(study.recording)
+        for note in (f"  recorded by {clean(recorders)}" if recorders else "", "  no session is running"):
+            if note and line_width((*left, (note, "muted"), *right)) < self.size.width:
+                left = (*left, (note, "muted"))
+        self.show(align_at_both_ends(left, tuple(right), self.size.width))
+
+
+class SubHead(StaticLines):
+    """The title of a list, and a note on its right."""
+
+    DEFAULT_CSS = "SubHead { background: $rise-bar; }"
+
+    def draw(self, title: str, note: str = "") -> None:
+        left: StyledLine = ((f" {title.upper()} ", "accent"),)
+        self.show(align_at_both_ends(left, ((f"{clean(note)} ", "muted"),), self.size.width))
+
+
+class StudyHints(KeyHints):
+    """The keys of a study's screen. Each can be clicked."""
+
+    def draw(self) -> None:  # type: ignore[override]
+        actions = [*actions_in("study"), *(BY_ID[id] for id in ("filter", "palette", "help", "quit"))]
+        words = {"quit": "leave"}
+        self.show_pieces(
+            [
+                ([(f" {first_key_label(each)}", "key"), (f" {words.get(each.id, each.hint)} ", "plain")], each.id)
+                for each in actions
+            ]
+        )
+
 
 WIDE = 110
 """From this width on the plan is beside the participants, not below them."""

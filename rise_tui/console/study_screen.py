@@ -25,9 +25,9 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
 from rise_tui.config.key_file import KeyFile, how_to_fix
-from rise_tui.config.study_source import SessionPreview, SessionRequest, StartedSession, StudyNow, StudySource
+from rise_tui.config.launch import SessionPreview, SessionRequest, StartedSession, StudyNow, StudySource
 from rise_tui.console import overlays, study_dialogs
-from rise_tui.console.study_lists import StudyLists
+from rise_tui.console.study_lists import StudyHead, StudyHints, StudyLists
 from rise_tui.model.notice import Level
 from rise_tui.model.study_rows import (
     NO_CONDITIONS,
@@ -44,8 +44,9 @@ from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.reading import ReportOf, ReportScreen
 from rise_tui.screens.session_forms import Outcome
+from rise_tui.screens.too_small import show_when_too_small
+from rise_tui.widgets.bars import StudyNotice
 from rise_tui.widgets.lines import RowView, StaticLines
-from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
 
 WATCH_SECONDS = 2.0
 """Seconds until the screen notices a changed study file, or a session that ended elsewhere."""
@@ -163,7 +164,7 @@ class StudyScreen(Screen[None]):
     # --- drawing ----------------------------------------------------------------------------------------------------
 
     def on_resize(self) -> None:
-        overlays.show_when_too_small(self.app, None)
+        show_when_too_small(self.app, None)
 
     @on(StaticLines.DrawAgain)
     def draw(self) -> None:

@@ -31,7 +31,7 @@ from rise_tui.model.notice import Level
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import EDITOR
 from rise_tui.screens.dialog import Dialog, DialogChoice
-from rise_tui.widgets.study_bars import StudyNotice
+from rise_tui.widgets.bars import StudyNotice
 
 WATCH_SECONDS = 2.0
 """Seconds until the editor notices an outside change to the files, or a new session."""

@@ -64,7 +64,8 @@ from rise_tui.model.speech import CurrentSentence, SentenceTracker
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
 """What a batch of records changed. A pane names those that it shows."""
 
-ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart))
+ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart)) - {"flash"}
+"""All that may differ; a mark is flashed only when it arrives."""
 
 _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
@@ -91,6 +92,12 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "say": frozenset({"tasks", "acts"}),
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
+
+
+def parts_of_sent(function: str) -> frozenset[StorePart]:
+    """The parts that show that a task with this function was sent."""
+    return ALL_PARTS if function == "stopAll" else _PARTS_OF_TASK.get(function, _LIST_PARTS)
+
 
 LATE_FLASH_SECONDS = 1.0
 """Seconds. A console that receives a mark later than this shows nothing, because there was no flash in time."""
@@ -465,7 +472,7 @@ class Store:
             self.log.show_own_row(record.id)
         if record.ref is not None:
             if self.sent.pop(record.ref, None) is not None:
-                changed = _LIST_PARTS
+                changed = parts_of_sent(record.function)
             own = record.ref.startswith(self.reference_prefix)
             if own and record.status == "SUCCEEDED" and (text := completion_message(record.function, record.behavior)):
                 self.notice = Notice(text)

@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input, Static
 
 from rise_engine.study.model import OutcomeStatus, Purpose
-from rise_tui.config.study_source import SessionRequest
+from rise_tui.config.launch import SessionRequest
 from rise_tui.model.status import participant_text, running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.model.study_rows import Conditions

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from textual import events
-from textual.app import ComposeResult
+from textual.app import App, ComposeResult
 from textual.geometry import Size
 
 from rise_tui.key_labels import key_name
@@ -73,3 +73,9 @@ class TooSmallScreen(SingleDismissModal[None]):
     def on_key(self, event: events.Key) -> None:
         event.stop()
         event.prevent_default()
+
+
+def show_when_too_small(app: App[object], store: Store | None) -> None:
+    """Say what is needed when the window is too small for a console. `store`: None while no session runs."""
+    if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
+        app.push_screen(TooSmallScreen(store))

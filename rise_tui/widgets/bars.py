@@ -17,7 +17,7 @@ from rise_tui.model.alarms import alarm_lines, broken_recorders_text, current_al
 from rise_tui.model.control import action_of_key, control_lost_text
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.key_strip import KeyStripPiece, key_strip_height, key_strip_lines
-from rise_tui.model.notice import Notice, short_name
+from rise_tui.model.notice import Level, Notice, short_name
 from rise_tui.model.speech import SpeechEffect
 from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.status import status_line
@@ -75,6 +75,28 @@ def notice_lines(notice: Notice, width: int) -> list[StyledLine]:
         pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
     leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
     return [crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False)]
+
+
+READING = "reading the study …"
+
+
+class StudyNotice(StaticLines):
+    """One sentence. A longer one takes two or three lines."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sentence = ""
+
+    @property
+    def is_about_reading(self) -> bool:
+        """Whether the sentence says that the study is being read."""
+        return self._sentence == READING
+
+    def draw(self, sentence: str, level: Level = "info") -> None:
+        self._sentence = sentence
+        lines = notice_lines(Notice(sentence, level), self.size.width or 80) if sentence else [()]
+        self.styles.height = len(lines)
+        self.show(*lines)
 
 
 class KeyHints(StaticLines):

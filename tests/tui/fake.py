@@ -39,8 +39,7 @@ from rise_engine.run.protocol.client import (
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_tui.config.launch import Launcher, LoadedScenario, RecoveredClient, ReportProgress
-from rise_tui.config.study_source import StudySource
+from rise_tui.config.launch import Launcher, LoadedScenario, RecoveredClient, ReportProgress, StudySource
 
 DEMO = str(Path(__file__).parent / "data" / "demo")
 

@@ -28,7 +28,7 @@ from rise_engine.study.model import (
     StudyCheck,
     StudyStanding,
 )
-from rise_tui.config.study_source import (
+from rise_tui.config.launch import (
     ReportProgress,
     SessionPreview,
     SessionRequest,
@@ -136,7 +136,7 @@ def standing(**changes: Any) -> StudyStanding:
 
 
 class FakeStudy:
-    """Implements `rise_tui.config.study_source.StudySource`."""
+    """Implements `rise_tui.config.launch.StudySource`."""
 
     folder = "/home/lab/lablinking"
 

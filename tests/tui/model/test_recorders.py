@@ -128,6 +128,10 @@ async def test_a_mark_is_flashed_for_a_moment_over_whatever_there_is_and_no_key_
         assert it.app.focused is focused and not isinstance(focused, Flash)
         await it.pilot.pause(FLASH_SECONDS + 0.1)
         assert flashes(it) == []
+        await it.pilot.press("f9")
+        await it.until(lambda: len(it.client.sent) == 2)
+        await it.pilot.pause(0.1)
+        assert flashes(it) == [], "a key does not show the last mark again"
         await it.pilot.press("?")
         await it.until(lambda: it.app.screen is not it.screen)
         dialog = it.app.screen

@@ -22,7 +22,7 @@ from rise_tui.cli import study_folder
 from rise_tui.cli.command_line import CommandLine
 from rise_tui.cli.start import find_study_session, is_study
 from rise_tui.cli.study_folder import StudyFolder, open_study
-from rise_tui.config.study_source import SessionRequest
+from rise_tui.config.launch import SessionRequest
 from tests.tui.fake import DEMO, FakeClient, demo
 from tests.tui.study_files import DESIGN, PEOPLE, write_study
 

@@ -20,7 +20,7 @@ from rise_engine.study.model import (
     RecordingSettings,
 )
 from rise_tui.config.key_file import KeyFile
-from rise_tui.config.study_source import SessionRequest, StudyNow
+from rise_tui.config.launch import SessionRequest, StudyNow
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.study_dialogs import plan_lines
