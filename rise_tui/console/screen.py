@@ -28,8 +28,7 @@ from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import is_editing, takes_text
 from rise_tui.screens.palette import open_palette
-from rise_tui.screens.too_small import show_when_too_small
-from rise_tui.screens.tour import is_tour_due
+from rise_tui.screens.tour import is_tour_due, show_when_too_small
 from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
 from rise_tui.widgets.lines import StaticLines
 from rise_tui.widgets.speech_input import SpeechInput

@@ -44,7 +44,7 @@ from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
 from rise_tui.screens.reading import ReportOf, ReportScreen
 from rise_tui.screens.session_forms import Outcome
-from rise_tui.screens.too_small import show_when_too_small
+from rise_tui.screens.tour import show_when_too_small
 from rise_tui.widgets.bars import StudyNotice
 from rise_tui.widgets.lines import RowView, StaticLines
 

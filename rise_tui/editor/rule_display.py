@@ -13,7 +13,7 @@ from rise_engine.author.drawing.state_graph import GraphLayout
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic, Severity
-from rise_tui.editor.form_panel import FormPanel
+from rise_tui.editor.form import FormPanel
 from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.fields import NOTE_MARKS
 from rise_tui.editor.model.rule_graph import (

@@ -32,7 +32,7 @@ from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import RiseApp
 from rise_tui.screens.help import HelpScreen, screen_help_entries
 from rise_tui.screens.palette import open_palette, screen_commands
-from rise_tui.screens.too_small import show_when_too_small
+from rise_tui.screens.tour import show_when_too_small
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.lines import RowView, StaticLines
 

@@ -12,7 +12,7 @@ from rise_engine.scenario.speech.template import spoken_text
 from rise_tui.model.filtering import InvalidFilter
 from rise_tui.model.log_rows import NOTE, ROBOT
 from rise_tui.model.notice import FUNCTION_LABELS, short_name
-from rise_tui.model.states import StateLabel, action_state
+from rise_tui.model.states import StateLabel, action_state, task_state
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -40,9 +40,9 @@ WIDE = 96
 """From this width on, times have tenths, and calling types have a column."""
 
 
-def log_line(task: TaskView, state: StateLabel, width: int) -> StyledLine:
-    """One row in one line of at most `width` cells. `state`: the state of the task on the screen."""
-    narrow = width < NARROW
+def log_line(task: TaskView, width: int) -> StyledLine:
+    """One row in one line of at most `width` cells."""
+    narrow, state = width < NARROW, task_state(task)
     head = _narrow_head(task) if narrow else _wide_head(task, width)
     if task.function == NOTE:
         author: StyledLine = ((f"{short_name(task.source)}: ", "muted"),) if narrow else ()
@@ -50,11 +50,11 @@ def log_line(task: TaskView, state: StateLabel, width: int) -> StyledLine:
     return _narrow_line(head, task, state, width) if narrow else _wide_line(head, task, state, width)
 
 
-def search_text(task: TaskView, state: StateLabel) -> str:
+def search_text(task: TaskView) -> str:
     """The text that a filter searches: everything that the widest row could show."""
     return (
         f"{format_clock(task.submitted, tenths=True)} {task.source} {_function_label(task)} {task.calling_type} "
-        f"{task.behavior} {state.word} {mistake_text(task)}{task.reason}"
+        f"{task.behavior} {task_state(task).word} {mistake_text(task)}{task.reason}"
     )
 
 
@@ -170,8 +170,11 @@ CALLING_MEANINGS = {
 MARKS = {"wrong": "the wrong act", "late": "too late", "early": "too early", "double": "started twice"}
 
 
-def task_rows(task: TaskView, state: StateLabel, now: float, width: int) -> list[ListRow]:
-    """All that is known of a task at session time `now`, in rows of at most `width` cells."""
+def task_rows(task: TaskView | None, now: float, width: int) -> list[ListRow]:
+    """All that is known of a task at session time `now`, in rows of at most `width` cells; none if it is gone."""
+    if task is None:
+        return []
+    state = task_state(task)
     lines: list[StyledLine] = [
         *field_lines(
             FUNCTION_LABELS.get(task.function, task.function),

@@ -15,7 +15,6 @@ from rise_tui.model.filtering import InvalidFilter, RowSearch, mark_line
 from rise_tui.model.log_rows import row_of, task_of
 from rise_tui.model.log_text import EXAMPLES, NARROW, log_line, parse_moment, search_text, task_rows
 from rise_tui.model.notice import task_label
-from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
 from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
 from rise_tui.panes.pane import Pane
@@ -89,7 +88,7 @@ class LogPane(Pane):
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
             return ((f" {what} is only in the journal", "muted"),)
-        line = log_line(task, task_state(task), width)
+        line = log_line(task, width)
         try:
             return mark_line(line, self.filter)
         except InvalidFilter:
@@ -98,7 +97,7 @@ class LogPane(Pane):
     def _searched_text(self, row: int) -> str | None:
         """The text that a filter searches; None for a row that is only in the journal."""
         task = self._task_at(row)
-        return search_text(task, task_state(task)) if task is not None else None
+        return search_text(task) if task is not None else None
 
     def subtitle(self) -> StyledLine:
         """What is hidden or filtered, and whether the log follows the newest row."""
@@ -225,8 +224,7 @@ class LogPane(Pane):
             self.task_log.move_cursor(min(max(self.task_log.cursor + direction, 0), self.task_log.count - 1))
 
         def rows(width: int) -> list[ListRow]:
-            task = self.selected_task
-            return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []
+            return task_rows(self.selected_task, self.store.now(), width)
 
         def run_letter(letter: str | None) -> None:
             if letter:

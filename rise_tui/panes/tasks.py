@@ -177,7 +177,6 @@ class SchedulerPane(ListPane):
 
     def _open_details(self, id: int) -> None:
         def rows(width: int) -> list[ListRow]:
-            task = self.store.view.tasks.get(id)
-            return task_rows(task, task_state(task), self.store.now(), width) if task is not None else []
+            return task_rows(self.store.view.tasks.get(id), self.store.now(), width)
 
         self.app.push_screen(DetailScreen("Task", rows))

@@ -17,7 +17,6 @@ from rise_tui.model.log_text import task_rows
 from rise_tui.model.resumption import entry_lines
 from rise_tui.model.speech import longest_sentence, remaining_sentences, scenario_sentences
 from rise_tui.model.speech_band import speech_band_lines
-from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import plain_text
 from tests.scenario.folders import loaded
@@ -96,7 +95,7 @@ def test_the_act_pane_tells_in_which_words_the_robot_is_given_it(study: Scenario
 def test_the_details_of_a_task(study: Scenario) -> None:
     client, task = greeting(study)
     store = store_of(client)
-    rows = task_rows(store.view.tasks[task], task_state(store.view.tasks[task]), store.now(), 80)
+    rows = task_rows(store.view.tasks[task], store.now(), 80)
     assert f"message {HEARD}" in [" ".join(plain_text(row.line).split()) for row in rows]
 
 

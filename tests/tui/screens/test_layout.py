@@ -10,7 +10,7 @@ from rise_tui.model.store import Store
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.too_small import TooSmallScreen, is_too_small, too_small_lines
+from rise_tui.screens.tour import TooSmallScreen, is_too_small, too_small_lines
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 
