@@ -19,12 +19,13 @@ from rise_engine.checks.outcome import (
     skipped_check,
 )
 from rise_engine.checks.runner import append_checked, limit_seconds, report_check, run_check
-from rise_engine.study.check_tables import AUTOMATIC, program_problem
-from rise_engine.study.checked import (
+from rise_engine.study.checks import (
+    AUTOMATIC,
     PendingCheck,
     check_text,
     due_after_checks,
     pending_checks,
+    program_problem,
     skip_problem,
 )
 

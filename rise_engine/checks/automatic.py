@@ -16,7 +16,7 @@ from pathlib import Path
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.checks.outcome import Finding
 from rise_engine.scenario.loader import load
-from rise_engine.study.check_tables import parse_size
+from rise_engine.study.checks import parse_size
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry, Study
 from rise_engine.study.planning import last_planned
 from rise_engine.study.study_log import LogEntry

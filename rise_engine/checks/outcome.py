@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
-from rise_engine.study.checked import PendingCheck, check_text
+from rise_engine.study.checks import PendingCheck, check_text
 from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.session_kinds import SessionKind
 

@@ -1,7 +1,11 @@
-"""Runs of a study's own check programs, `run = ["./check-tracker.sh"]`, and of our own child processes.
+"""Programs that checks run: a study's own, `run = ["./check-tracker.sh"]`, and children of this program.
 
 A program gets no shell, no input and a time limit. It leads its own process group. At the limit, or when the caller
 gives up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
+
+A child makes a check that talks to robots or takes long, so that a hang or a crash does not affect the program that
+started it. It (`rise_engine.checks.devices`) reads one request from standard input and writes one `Finding` to standard
+output.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ import os
 import selectors
 import signal
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,11 +23,17 @@ from threading import Event
 from time import monotonic
 from typing import IO
 
+import msgspec
 from msgspec import Struct
 
+from rise_engine.base.json_codec import encode
 from rise_engine.base.text import clean
 from rise_engine.checks.outcome import CheckContext, Finding
-from rise_engine.study.check_tables import program_problem
+from rise_engine.ports.bridge import RosConnection
+from rise_engine.scenario.model import Mode
+from rise_engine.study.checks import program_problem
+from rise_engine.study.model import RecordingSettings
+from rise_engine.study.session_kinds import SessionKind
 
 TICK_SECONDS = 0.05
 """Interval for noticing that the program has ended while something else still holds its output open."""
@@ -213,3 +224,56 @@ def _signal_name(number: int) -> str:
     with suppress(ValueError):
         return signal.Signals(number).name
     return f"signal {number}"
+
+
+# --- checks in a process of their own ---------------------------------------------------------------------------------
+
+
+KINDS = frozenset({"robot", "sound", "replay", "recorder", "explored"})
+
+
+class ChildRequest(Struct, frozen=True):
+    """The request for a child."""
+
+    kind: str
+    """One of KINDS."""
+    scenario: str = ""
+    robot: str | None = None
+    mode: Mode = "debug"
+    ros: RosConnection = RosConnection()
+    sessions: str = ""
+    """For `replay`: the study's folder of sessions."""
+    study: str = ""
+    session: SessionKind | None = None
+    """For `explored`: the study's folder, and the kind of session that will begin; None: every kind counts."""
+    recording: RecordingSettings | None = None
+    """For `recorder`: the recorders."""
+    task: str = ""
+    """The study's id."""
+
+
+def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:
+    """Run a check in a child and return its finding (blocking).
+
+    :param request: what to check.
+    :param limit: seconds after which the child is ended.
+    :param cancelled: set by another thread when nobody waits any more.
+    """
+    arguments = [sys.executable, "-m", "rise_engine.checks.devices"]
+    # Use the folder of this process: in a checkout, the program is found from there.
+    end = run_program(arguments, Path.cwd(), limit, given=encode(request), cancelled=cancelled)
+    if end.problem:
+        return Finding(False, reason=end.problem)
+    if end.status is None:
+        return Finding(False, reason=f"there was no answer within {limit:g} s")
+    try:
+        return msgspec.json.decode(end.output, type=Finding)
+    except msgspec.DecodeError:
+        said = last_line(end.errors)
+        how = f"the check itself failed (exit status {end.status})"
+        return Finding(False, reason=": ".join(filter(None, (how, said))))
+
+
+def last_line(output: bytes) -> str:
+    """Return the last line with text, safe to show; for a traceback, the error."""
+    return next((text for line in reversed(output.splitlines()) if (text := first_line(line))), "")

@@ -15,9 +15,8 @@ from typing import Any, TypeAlias, TypeVar
 
 from rise_engine.base.errors import RiseError
 from rise_engine.checks import automatic
-from rise_engine.checks.child import KINDS, ChildRequest, look_in_child
 from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding, make_outcome
-from rise_engine.checks.programs import look_with_program
+from rise_engine.checks.programs import KINDS, ChildRequest, look_in_child, look_with_program
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
 from rise_engine.scenario.model import Json

@@ -9,9 +9,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.text import pluralize
-from rise_engine.study.design import cells, condition_name, runs, strata_of, stratum_name
 from rise_engine.study.model import Slot, Study
-from rise_engine.study.plan import make_plan
+from rise_engine.study.plan import cells, condition_name, make_plan, runs, strata_of, stratum_name
 
 _FEW = 8
 """The most numbers that a line lists in full."""

@@ -17,7 +17,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
-from rise_engine.study.checked import check_text, skip_problem, still_good
+from rise_engine.study.checks import check_text, skip_problem, still_good
 from rise_engine.study.model import (
     Participant,
     ParticipantStanding,

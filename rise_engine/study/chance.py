@@ -1,20 +1,17 @@
 """Random numbers for a study's plan: the same seed gives the same numbers on every Python and in every language.
 
 Python promises this only for `random()` and `seed()`, not for `shuffle`. Here a number is made by SHA-256 from the
-seed, the purpose and the position; ten lines in any language repeat it (docs/reference/study.md). A plan uses them for
-orders of conditions and for the choice of the cell that balances strata best.
+seed, the purpose and the position; ten lines in any language repeat it (docs/reference/study.md).
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from itertools import count, permutations
 from typing import TypeVar
 
-from rise_engine.study.design import cells
-from rise_engine.study.model import Slot, Study, WithinMethod
+from rise_engine.study.model import WithinMethod
 
 _Item = TypeVar("_Item")
 _VALUES = 2**64
@@ -135,48 +132,3 @@ def make_orders(method: WithinMethod, runs: Sequence[str], seed: int, *names: ob
         named = list(runs) if method == "fixed" else Chance(seed, "names", *names, number).shuffle(runs)
         for row in Chance(seed, "orders", *names, number).shuffle(rows):
             yield tuple(named[run] for run in row)
-
-
-# --- minimisation -----------------------------------------------------------------------------------------------------
-
-BEST_OUT_OF = (4, 5)
-"""How often the best-balancing cell is taken. If always, anybody who knows the others could predict it."""
-
-
-def cell_for(
-    study: Study,
-    taken_so_far: Sequence[tuple[Mapping[str, str], Mapping[str, str]]],
-    strata: Mapping[str, str],
-    slot: Slot,
-) -> dict[str, str]:
-    """Choose the levels of the between factors for a participant who takes a slot now.
-
-    For each cell, compute how unequal the cells would be with this participant in it: once over everybody, and once for
-    each stratum column over those with the same value. Inequality is the largest count minus the smallest. One of the
-    cells with the smallest sum is drawn four times out of five, otherwise one of the rest. The same arguments give the
-    same cell.
-
-    :param study: the study, with the method `minimise`.
-    :param taken_so_far: strata and levels of all who hold a slot and count, in any order.
-    :param strata: the participant's strata.
-    :param slot: the row that they take; its seed is used for the draw.
-    """
-    every = cells(study)
-    groups: list[tuple[str, str] | None] = [None, *((column, strata[column]) for column in study.assignment.strata)]
-    totals = [0] * len(every)
-    for group in groups:
-        counts = Counter(
-            tuple(levels.values())
-            for others, levels in taken_so_far
-            if group is None or others.get(group[0]) == group[1]
-        )
-        before = [counts[tuple(cell.values())] for cell in every]
-        for at in range(len(every)):
-            after = [number + (index == at) for index, number in enumerate(before)]
-            totals[at] += max(after) - min(after)
-    least = min(totals)
-    best = [cell for cell, total in zip(every, totals, strict=True) if total == least]
-    rest = [cell for cell, total in zip(every, totals, strict=True) if total != least]
-    chance = Chance(slot.seed, "minimise")
-    takes_best = chance.integer_below(BEST_OUT_OF[1]) < BEST_OUT_OF[0]
-    return dict(chance.choose(best if takes_best or not rest else rest))

@@ -1,20 +1,24 @@
-"""Comparison of a session's labels in its journal, its session.toml and its study's log.
+"""Comparison of a session's labels in its journal, its session.toml and its study's log, and copies of sessions.
 
 One difference is allowed: the log can *reassign*, with a reason, a session that was run under the wrong participant.
-The journal stays unchanged, and readers who need the participant follow the log (`reassignment_of`).
+The journal stays unchanged, and readers who need the participant follow the log (`reassignment_of`). A folder must not
+count when another one holds the same session (`copied_sessions`).
 """
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 
+from rise_engine.base.json_codec import encode
 from rise_engine.scenario.files.file_names import STUDY_FILE
 from rise_engine.session.folder import JOURNAL, info_differences
 from rise_engine.session.labels import (
@@ -25,9 +29,9 @@ from rise_engine.session.labels import (
     read_labels,
     refuse_differences,
 )
-from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_kept_log
+from rise_engine.study.model import SessionEntry
+from rise_engine.study.study_log import LOG_FILE, WITHDRAWN_PREFIX, LogEntry, StudyLogError, file_stamp, read_kept_log
 from rise_engine.study.verdict import read_recoveries, read_verdict
-from rise_engine.study.withdrawn import PREFIX
 
 _FOLDER_NAME = re.compile(r"\d{4}-\d{2}-\d{2}_\d{6}_([A-Za-z0-9]+)_")
 """The start of a folder's name, with the participant."""
@@ -59,12 +63,12 @@ class Reassignment(Struct, frozen=True):
         """The participant under whom it was run. `RUN_BY_WITHDRAWN`: they have withdrawn. Empty: it is theirs again."""
         if self.participant == self.was:
             return ""
-        return RUN_BY_WITHDRAWN if self.was.startswith(PREFIX) else self.was
+        return RUN_BY_WITHDRAWN if self.was.startswith(WITHDRAWN_PREFIX) else self.was
 
     @property
     def sentence(self) -> str:
         back = " and back" if self.participant == self.was else f" to {self.participant}"
-        was = "somebody who has withdrawn" if self.was.startswith(PREFIX) else self.was
+        was = "somebody who has withdrawn" if self.was.startswith(WITHDRAWN_PREFIX) else self.was
         return f"run as {was}, and reassigned{back}: {self.reason}"
 
     @property
@@ -124,7 +128,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     accepted: Mapping[str, Any] | None = labels
     moves = [each for each in told if each.kind == "reassigned"]
     if labels is not None and any(
-        str(each.get(who)).startswith(PREFIX) for each in moves for who in ("was", "participant")
+        str(each.get(who)).startswith(WITHDRAWN_PREFIX) for each in moves for who in ("was", "participant")
     ):
         accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has put these into the earlier lines
     outcomes = [each for each in told if each.kind == "outcome"]
@@ -133,7 +137,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     for each in told:
         where = f"{LOG_FILE}, line {each.line},"
         if each.kind == "reassigned":
-            if not str(each.get("was")).startswith(PREFIX):
+            if not str(each.get("was")).startswith(WITHDRAWN_PREFIX):
                 found += label_differences(given, {"participant": each.get("was")}, where)
             if labels is not None:
                 given = {**labels, **reassignments([each])[name].labels}
@@ -192,7 +196,7 @@ def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str
             f'status = "{judged.status}"'
         )
     reason = str(told[0].get("reason") or "")
-    if judged is not None and reason != judged.reason and PREFIX not in reason:
+    if judged is not None and reason != judged.reason and WITHDRAWN_PREFIX not in reason:
         yield (
             f'{LOG_FILE}, line {told[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
         )
@@ -244,3 +248,66 @@ def _log_of(folder: Path) -> Sequence[LogEntry]:
         return read_kept_log(folder.resolve().parent.parent)
     except StudyLogError:
         return ()
+
+
+# --- copies -----------------------------------------------------------------------------------------------------------
+
+
+SESSIONS = "sessions"
+"""The folder of the sessions within a study's folder."""
+_AWAY = f"It does not count; move it out of {SESSIONS}/"
+
+
+def session_folders(folder: Path) -> list[Path]:
+    """Return the folders in a study's `sessions`, sorted by name."""
+    found: list[Path] = []
+    with suppress(OSError):
+        found = sorted(Path(entry.path) for entry in os.scandir(folder / SESSIONS) if entry.is_dir())
+    return found
+
+
+def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
+    """Find folders that are copies of another session, so that no session counts twice: their journals begin with the
+    same record. The log tells which one is the session; without it, the first by name.
+
+    A session of a bundle that is shared has no dates. Among sessions with dates it is a copy.
+
+    :param folder: the study's folder.
+    :param log: the study's log.
+    :return: a sentence for each copy, by the folder's name.
+    """
+    logged = {str(name): number for number, each in enumerate(log) if (name := each.get("folder"))}
+    paths = sorted(session_folders(folder), key=lambda path: logged.get(path.name, len(log)))
+    known = {path.name: labels for path in paths if (labels := read_labels(path / JOURNAL)) is not None}
+    originals: dict[bytes, str] = {}
+    copies: dict[str, str] = {}
+    has_dates = any(labels.get("wall") for labels in known.values())
+    for name, labels in known.items():
+        if not labels.get("wall"):
+            if has_dates:
+                copies[name] = (
+                    f"its journal has no dates, as the copies in bundles, and other sessions have them. {_AWAY}"
+                )
+            continue
+        original = originals.setdefault(encode(labels), name)
+        if original != name:
+            copies[name] = f"it is a copy of {original}: both journals begin with the same record. {_AWAY}"
+    return copies
+
+
+def repeated_sessions(sessions: Iterable[SessionEntry]) -> dict[str, str]:
+    """Find counted sessions of the same participant, run and attempt. The program never makes a second one.
+
+    :param sessions: in the order in which they began.
+    :return: a sentence for each session that another one precedes, by the folder's name.
+    """
+    found: dict[str, str] = {}
+    first: dict[tuple[str, int, int], str] = {}
+    for each in (session for session in sessions if session.purpose == "counted"):
+        other = first.setdefault((each.participant, each.run, each.attempt), each.folder)
+        if other != each.folder:
+            found[each.folder] = (
+                f"it is run {each.run}, attempt {each.attempt} of {each.participant}, and so is {other}: only one of "
+                f"them can be, and both count. Find out which, and move the other one out of {SESSIONS}/"
+            )
+    return found

@@ -66,7 +66,7 @@ class StudyCheck(Struct, frozen=True):
     ask: str = ""
     """A sentence that a person confirms."""
     auto: str = ""
-    """A check that the program makes: one of `rise_engine.study.check_tables.AUTOMATIC`."""
+    """A check that the program makes: one of `rise_engine.study.checks.AUTOMATIC`."""
     run: tuple[str, ...] = ()
     """A program with arguments, run in the study's folder. Exit status 0 means passed; its first line is the value."""
     minimum: str = ""
@@ -186,7 +186,7 @@ class Study(Struct, frozen=True):
     """Statements for the reporting sheet, by the name of the item (`[report]`)."""
     questionnaires: tuple[QuestionnaireSettings, ...] = ()
     hash: str = ""
-    """SHA-256 of what study.toml says about sessions (`rise_engine.study.design.content_hash`)."""
+    """SHA-256 of what study.toml says about sessions (`rise_engine.study.plan.content_hash`)."""
     design_hash: str = ""
     """SHA-256 of what the plan depends on. It must not change once there is a plan."""
 

@@ -20,9 +20,8 @@ from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_c
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.study.chance import SEEDS
 from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
-from rise_engine.study.design import factors_of, runs
 from rise_engine.study.model import Slot, Study
-from rise_engine.study.plan import slot_seed
+from rise_engine.study.plan import factors_of, runs, slot_seed
 
 PLAN_FILE = "plan.csv"
 NEW_PLAN_FILE = "plan.csv.new"

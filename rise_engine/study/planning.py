@@ -17,9 +17,8 @@ from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import in_backquotes
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.study.balance import Balance, prove_balance
-from rise_engine.study.design import changed_parts, design_of
 from rise_engine.study.model import Participant, Slot, Study
-from rise_engine.study.plan import make_plan
+from rise_engine.study.plan import changed_parts, design_of, make_plan
 from rise_engine.study.plan_file import (
     NEW_PLAN_FILE,
     PLAN_FILE,

@@ -10,8 +10,7 @@ from msgspec import Struct
 from rise_engine.base.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, has_begun, load_copy
 from rise_engine.session.replay import ReplayComparison, compare_replay
-from rise_engine.study.copies import copied_sessions, session_folders
-from rise_engine.study.labels import outage_differences
+from rise_engine.study.labels import copied_sessions, outage_differences, session_folders
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import MOVED_AWAY, StudySession

@@ -15,7 +15,7 @@ from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.ports.recorder import Recorder, RecorderError, RecorderOpener
 from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import Json
-from rise_engine.study.check_tables import parse_length
+from rise_engine.study.checks import parse_length
 from rise_engine.study.model import (
     MarkerSettings,
     Participant,

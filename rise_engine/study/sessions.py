@@ -22,14 +22,12 @@ from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.recovery import read_clock
-from rise_engine.study.copies import SESSIONS as SESSIONS
-from rise_engine.study.copies import copied_sessions, session_folders
-from rise_engine.study.labels import Reassignment, reassignments, session_differences
+from rise_engine.study.labels import SESSIONS as SESSIONS
+from rise_engine.study.labels import Reassignment, copied_sessions, reassignments, session_differences, session_folders
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
-from rise_engine.study.traces import returned_sessions
+from rise_engine.study.traces import is_withdrawn, returned_sessions
 from rise_engine.study.verdict import read_checks, read_verdict
-from rise_engine.study.withdrawn import is_withdrawn
 
 GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for aborting a session that nobody continued."""

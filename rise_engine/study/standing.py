@@ -13,8 +13,7 @@ from datetime import datetime
 
 from msgspec import Struct
 
-from rise_engine.study.checked import due_after_checks
-from rise_engine.study.design import runs as runs_of_design
+from rise_engine.study.checks import due_after_checks
 from rise_engine.study.labels import reassignments
 from rise_engine.study.model import (
     CellStanding,
@@ -26,9 +25,10 @@ from rise_engine.study.model import (
     Study,
     StudyStanding,
 )
+from rise_engine.study.plan import runs as runs_of_design
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.study_log import LogEntry
-from rise_engine.study.withdrawn import is_withdrawn
+from rise_engine.study.traces import is_withdrawn
 
 BEGINNABLE: frozenset[ParticipantState] = frozenset({"waiting", "to-go-on", "aborted"})
 """States in which a session can begin, unless something blocks it (`why`)."""

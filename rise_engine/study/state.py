@@ -19,18 +19,17 @@ from rise_engine.base.errors import FileError
 from rise_engine.base.text import name_some, pluralize
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
-from rise_engine.study.chance import cell_for
-from rise_engine.study.copies import copied_sessions, repeated_sessions
+from rise_engine.study.labels import copied_sessions, repeated_sessions
 from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
+from rise_engine.study.plan import cell_for
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log_and_damage
 from rise_engine.study.study_toml import is_study, load_study
-from rise_engine.study.traces import interrupted_withdrawals, registered_recordings, returned_sessions
-from rise_engine.study.withdrawn import is_withdrawn
+from rise_engine.study.traces import interrupted_withdrawals, is_withdrawn, registered_recordings, returned_sessions
 
 NAMED = 3
 """The most names that a sentence lists; it counts the others."""

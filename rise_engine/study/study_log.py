@@ -28,6 +28,8 @@ from rise_engine.scenario.model import Json, SourceLocation
 LOG_FILE = "study.jsonl"
 SET_ASIDE_FILE = "study.jsonl.torn"
 """Incomplete lines that killed programs left in the log."""
+WITHDRAWN_PREFIX = "withdrawn:"
+"""The start of the hash that replaces a pseudonym in the log. No pseudonym has a colon."""
 WRITTEN = ("reason", "text", "value")
 """Fields with text that people wrote."""
 _SOURCE = "source"

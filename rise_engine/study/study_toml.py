@@ -16,16 +16,14 @@ from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, is_integer, read_toml
 from rise_engine.scenario.files.tree import FileTree, Held
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation
-from rise_engine.study.check_tables import DAY, parse_length, read_checks
+from rise_engine.study.checks import DAY, parse_length, read_checks
 from rise_engine.study.csv_table import WHY, personal_column
-from rise_engine.study.design import PLAN_COLUMNS, cells, runs, with_hashes
-from rise_engine.study.factor_tables import check_levels, read_factors
 from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, WithinMethod
-from rise_engine.study.plan import rows_wanted
+from rise_engine.study.plan import PLAN_COLUMNS, cells, rows_wanted, runs, with_hashes
 from rise_engine.study.publishing import read_report
 from rise_engine.study.questionnaires import read_questionnaires
 from rise_engine.study.recording_table import read_recording
-from rise_engine.study.study_scenarios import load_scenarios
+from rise_engine.study.study_scenarios import check_levels, load_scenarios, read_factors
 
 TOP_KEYS = (
     "title",

@@ -21,18 +21,20 @@ from rise_engine.base.files import Disk, error_message, is_locked
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import read_holder, running_message
-from rise_engine.study.copies import SESSIONS, session_folders
-from rise_engine.study.labels import reassignments
-from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
+from rise_engine.study.labels import SESSIONS, reassignments, session_folders
+from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, WITHDRAWN_PREFIX, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
     PARTICIPANTS_FILE,
     WORK_FOLDER,
     find_names,
     folders_in,
     has_name,
+    hash_pseudonym,
     interrupted_withdrawals,
+    is_withdrawn,
     lines_naming,
     name_pattern,
+    new_salt,
     other_study_of,
     owner_of,
     recording_facts,
@@ -56,7 +58,6 @@ from rise_engine.study.withdrawal_work import (
     why_not_recording,
     write_list,
 )
-from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
 _NAMING = frozenset({"participant", "was", "instead_of"})
 """Fields of log entries with a participant."""
@@ -83,7 +84,7 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
     known = {str(each.get("participant")) for each in log if each.get("participant")}
-    near = did_you_mean(participant, sorted(name for name in known if not name.startswith(PREFIX)), limit=0)
+    near = did_you_mean(participant, sorted(name for name in known if not name.startswith(WITHDRAWN_PREFIX)), limit=0)
     raise StudyError(f"the study in {study} knows no participant {participant!r}{near}; nothing was done")
 
 
@@ -94,7 +95,7 @@ def withdraw(
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :param keep: rows that stay with the participant's consent (`rise_engine.study.withdrawn`).
+    :param keep: rows that stay with the participant's consent (`rise_engine.study.traces`).
     :param disk: does the writing, for tests that let it fail.
     :raises StudyError: as `plan_withdrawal`, or something cannot be erased; it stays listed for the next call.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
@@ -185,11 +186,11 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
         if not _concerns(entry, participant, own):
             kept.append(entry)
         elif entry.kind in EXPORTED:
-            kept += _export_without(entry, participant, own, PREFIX + digest, moved)
+            kept += _export_without(entry, participant, own, WITHDRAWN_PREFIX + digest, moved)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
             named = participant in (entry.get(field) for field in _NAMING)
             at = entry.at[:_DAY] if named else entry.at  # a calendar would tell whose moment it is
-            kept.append(replace(entry, at=at, fields=_without_name(entry, participant, PREFIX + digest)))
+            kept.append(replace(entry, at=at, fields=_without_name(entry, participant, WITHDRAWN_PREFIX + digest)))
     withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
     log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own)
@@ -308,7 +309,10 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
     """Plan which of their exports to erase. Whether each is unchanged is checked later."""
     withdrawn = [each for each in log if each.kind == "withdrawn"]
     again = is_withdrawn(plan.participant, withdrawn)
-    own = {plan.participant, *(PREFIX + hash_pseudonym(plan.participant, str(each.get("salt"))) for each in withdrawn)}
+    own = {
+        plan.participant,
+        *(WITHDRAWN_PREFIX + hash_pseudonym(plan.participant, str(each.get("salt"))) for each in withdrawn),
+    }
     for entry in log:
         path, names = entry.get("path"), _named(entry)
         if not isinstance(path, str) or own.isdisjoint(names):
@@ -319,7 +323,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
             if sentence := why_not_export(study, path):
                 plan.unreachable += [sentence] if sentence not in plan.unreachable else []
                 continue
-            others = [each for each in names if each not in own and not each.startswith(PREFIX)]
+            others = [each for each in names if each not in own and not each.startswith(WITHDRAWN_PREFIX)]
             plan.exports[path] = list(dict.fromkeys([*plan.exports.get(path, []), *others]))
             if entry.get("folder") is True and path not in plan.export_folders:
                 plan.export_folders.append(path)

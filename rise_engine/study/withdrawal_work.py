@@ -17,20 +17,21 @@ from rise_engine.base.text import name_some
 from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
-from rise_engine.study.copies import SESSIONS
+from rise_engine.study.labels import SESSIONS
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog
 from rise_engine.study.traces import (
+    KEPT_FILE,
     LIST_FILE,
     MANIFEST_FILE,
     PARTICIPANTS_FILE,
     STUDY_FILE,
     WORK_FOLDER,
+    add_rows,
     folders_in,
+    is_withdrawn,
     questionnaire_files,
 )
-from rise_engine.study.withdrawn import FILE as KEPT_FILE
-from rise_engine.study.withdrawn import add_rows, is_withdrawn
 
 _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)

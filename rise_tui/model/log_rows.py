@@ -14,7 +14,8 @@ from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.reports import REPORT_KINDS
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import RemarkView, SessionView
-from rise_engine.results.analysis.causes import actor_of, first_cause
+from rise_engine.results.analysis.acts import first_cause
+from rise_engine.results.analysis.model import actor_of
 
 ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""

@@ -11,7 +11,7 @@ from textual import events, on, work
 from textual.app import ComposeResult
 
 from rise_engine.results.report.document import Document
-from rise_engine.results.report.plain_text import WIDTH, text_lines
+from rise_engine.results.report.page import WIDTH, text_lines
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
 from rise_tui.screens.dialog import SingleDismissModal, TitledBox
 from rise_tui.widgets.lines import RowList, RowView

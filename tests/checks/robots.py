@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.checks.child import ChildRequest
+from rise_engine.checks.programs import ChildRequest
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Clock, ReportCallback

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.study.design import with_hashes
 from rise_engine.study.model import AssignmentSettings, BetweenMethod, Factor, Level, Study, WithinMethod
+from rise_engine.study.plan import with_hashes
 from rise_engine.study.study_toml import StudyLoad, load_study
 from tests.scenario.folders import SPEECH, act, folder
 

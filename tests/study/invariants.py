@@ -10,7 +10,7 @@ from typing import Any
 
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.journal_format import InputLine, LineError, read_line
-from rise_engine.study.withdrawn import PREFIX
+from rise_engine.study.study_log import WITHDRAWN_PREFIX
 
 
 def log_lines(folder: Path) -> list[dict[str, Any]]:
@@ -42,7 +42,7 @@ def begun_sessions(folder: Path) -> list[dict[str, Any]]:
 
 
 def _is_free(holder: str | None, out: set[str]) -> bool:
-    return holder is None or holder in out or holder.startswith(PREFIX)
+    return holder is None or holder in out or holder.startswith(WITHDRAWN_PREFIX)
 
 
 def check_day(folder: Path) -> None:
@@ -66,7 +66,7 @@ def check_day(folder: Path) -> None:
             assert who not in out, f"{who} was out and took slot {slot}"
             for earlier in order[: order.index(slot)]:  # when somebody withdrew, the log does not say any more
                 named = holder.get(earlier) or ""
-                held = bool(named) and (named not in out or named.startswith(PREFIX))
+                held = bool(named) and (named not in out or named.startswith(WITHDRAWN_PREFIX))
                 assert held, f"{who} took slot {slot} although {earlier} was free"
             holder[slot], slot_of[who] = who, slot
     seen: set[tuple[str, int, int]] = set()

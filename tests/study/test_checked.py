@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.study.checked import PendingCheck, check_text, due_after_checks, pending_checks, skip_problem
+from rise_engine.study.checks import PendingCheck, check_text, due_after_checks, pending_checks, skip_problem
 from rise_engine.study.model import SessionEntry, StudyCheck
 from tests.checks.samples import NOW, checked, study
 

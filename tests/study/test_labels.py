@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
-from rise_engine.checks.child_main import look_at_last_session
+from rise_engine.checks.devices import look_at_last_session
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.privacy.levels import LEVELS, ExportLevel

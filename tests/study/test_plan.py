@@ -16,10 +16,20 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from rise_engine.study.balance import block_problems, prove_balance, with_blocks_that_fit
-from rise_engine.study.chance import Chance, cell_for, latin, order_set, session_seed, williams
-from rise_engine.study.design import cells, condition_name, runs, strata_of, stratum_name
+from rise_engine.study.chance import Chance, latin, order_set, session_seed, williams
 from rise_engine.study.model import Slot, Study, WithinMethod
-from rise_engine.study.plan import make_plan, parse_condition, planned_run, runs_of
+from rise_engine.study.plan import (
+    cell_for,
+    cells,
+    condition_name,
+    make_plan,
+    parse_condition,
+    planned_run,
+    runs,
+    runs_of,
+    strata_of,
+    stratum_name,
+)
 from rise_engine.study.plan_file import plan_text
 from rise_engine.study.review import review_study
 from tests.chance import examples

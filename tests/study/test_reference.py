@@ -11,13 +11,13 @@ from typing import get_args
 import rise_engine.study
 from rise_engine.study.balance import prove_balance
 from rise_engine.study.chance import Chance
-from rise_engine.study.check_tables import _KEYS as CHECK_KEYS
-from rise_engine.study.check_tables import AUTOMATIC
-from rise_engine.study.factor_tables import _FACTOR_KEYS as FACTOR_KEYS
+from rise_engine.study.checks import _KEYS as CHECK_KEYS
+from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan import make_plan
 from rise_engine.study.plan_file import plan_text
 from rise_engine.study.study_log import EntryKind
+from rise_engine.study.study_scenarios import _FACTOR_KEYS as FACTOR_KEYS
 from rise_engine.study.study_toml import _ASSIGNMENT_KEYS as ASSIGNMENT_KEYS
 from rise_engine.study.study_toml import BETWEEN, TOP_KEYS, WITHIN, load_study
 from tests.scenario.folders import SPEECH, act, folder

@@ -11,8 +11,8 @@ from rise_engine.session.folder import SessionInfo
 from rise_engine.study.model import Factor, Level, Participant, SessionEntry, Slot, Study, StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import study_standing
-from rise_engine.study.study_log import LogEntry
-from rise_engine.study.withdrawn import PREFIX, hash_pseudonym
+from rise_engine.study.study_log import WITHDRAWN_PREFIX, LogEntry
+from rise_engine.study.traces import hash_pseudonym
 
 YES, NO = {"hesitation": "yes"}, {"hesitation": "no"}
 STUDY = Study(
@@ -150,7 +150,7 @@ def test_participants_csv_excludes_too() -> None:
 def test_who_has_withdrawn_holds_nothing_and_is_not_listed_under_a_hash() -> None:
     gone = hash_pseudonym("P01", "salt")
     log = [
-        entry("taken", participant=f"{PREFIX}{gone}", slot=1),
+        entry("taken", participant=f"{WITHDRAWN_PREFIX}{gone}", slot=1),
         entry("withdrawn", hash=gone, salt="salt", slot=1),
     ]
     standing = stand(log, [])

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.study.design import changed_parts, design_hash
 from rise_engine.study.model import AssignmentSettings, StudyCheck
+from rise_engine.study.plan import changed_parts, design_hash
 from rise_engine.study.study_toml import is_study, load_study
 from tests.scenario.folders import folder
 from tests.study.designs import DESIGN, loaded_study, study_folder
@@ -465,7 +465,7 @@ CHANGES = [
 @pytest.mark.parametrize(("old", "new", "parts"), CHANGES)
 def test_what_the_plan_is_made_of(tmp_path: Path, old: str, new: str, parts: list[str]) -> None:
     """Texts and checks may change after it was made, and nothing else."""
-    from rise_engine.study.design import design_of
+    from rise_engine.study.plan import design_of
 
     before = loaded_study(tmp_path / "a").study
     after = loaded_study(tmp_path / "b", DESIGN.replace(old, new, 1)).study

@@ -28,10 +28,9 @@ from rise_engine.study.proof import prove_sessions
 from rise_engine.study.review import review_study
 from rise_engine.study.state import OpenStudy, due_retention, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, StudyLogError, read_log
-from rise_engine.study.traces import WORK_FOLDER, find_names, owner_of
+from rise_engine.study.traces import WORK_FOLDER, find_names, is_withdrawn, owner_of, without_salts
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import Erasing, WithdrawalPlan
-from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from tests.forked import Forked
 from tests.kills import every_kill
 from tests.results.analysis.samples import make_study

@@ -43,9 +43,9 @@ from rise_adapters.ros2.record_messages import (
 from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, InterfaceCatalog, MessageCodec
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
+from rise_engine.results.analysis.course import records_by_wall_clock
 from rise_engine.results.analysis.markers import describe_session
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
 
 if TYPE_CHECKING:

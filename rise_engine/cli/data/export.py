@@ -31,14 +31,13 @@ from rise_engine.results.export.format import (
 from rise_engine.results.export.records import RecordFormat, SessionExport
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session
-from rise_engine.study.copies import copied_sessions
+from rise_engine.study.labels import copied_sessions
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import MOVED_AWAY, StudySession
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import read_log_and_damage
 from rise_engine.study.study_toml import STUDY_FILE, is_study
-from rise_engine.study.traces import WORK_FOLDER, owner_of, study_of_session, wizard_names
-from rise_engine.study.withdrawn import is_withdrawn
+from rise_engine.study.traces import WORK_FOLDER, is_withdrawn, owner_of, study_of_session, wizard_names
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")

@@ -10,8 +10,8 @@ from msgspec import Struct
 
 from rise_engine.cli.terminal import exit_with_usage
 from rise_engine.kernel.records import SessionRecord, SyncRecord
+from rise_engine.results.analysis.course import OutageCollector
 from rise_engine.results.analysis.model import Outage
-from rise_engine.results.analysis.outages import OutageCollector
 from rise_engine.run.recording.alignment import UNKNOWN_WITHIN, SessionMark
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal

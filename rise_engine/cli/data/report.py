@@ -19,8 +19,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import NewExport, new_export
 from rise_engine.results.report.making import MadeReport, make_session_report, make_study_report, report_folders
-from rise_engine.results.report.page import page_text
-from rise_engine.results.report.plain_text import WIDTH, text_lines
+from rise_engine.results.report.page import WIDTH, page_text, text_lines
 from rise_engine.study.state import read_state
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 

@@ -31,8 +31,7 @@ from rise_engine.session.folder import (
     read_info,
     sessions_folder,
 )
-from rise_engine.study.copies import SESSIONS, copied_sessions
-from rise_engine.study.labels import reassignment_of, session_differences
+from rise_engine.study.labels import SESSIONS, copied_sessions, reassignment_of, session_differences
 from rise_engine.study.standing import when_text
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import is_study

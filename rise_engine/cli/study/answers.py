@@ -18,11 +18,11 @@ from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
-from rise_engine.study.check_tables import AUTOMATIC
+from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.csv_table import WHY, personal_column
-from rise_engine.study.design import PLAN_COLUMNS
-from rise_engine.study.factor_tables import memory_key_problem, memory_type_problem, what_it_does
 from rise_engine.study.model import FactorKind, Level, StudyCheck
+from rise_engine.study.plan import PLAN_COLUMNS
+from rise_engine.study.study_scenarios import memory_key_problem, memory_type_problem, what_it_does
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"

@@ -31,7 +31,7 @@ from rise_engine.checks import (
 from rise_engine.cli.terminal import Refused, print_notes
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
-from rise_engine.study.checked import made_after
+from rise_engine.study.checks import made_after
 from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.study_log import read_log
 

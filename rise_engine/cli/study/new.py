@@ -26,10 +26,10 @@ from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_name, shipped_studies
 from rise_engine.study.balance import with_blocks_that_fit
-from rise_engine.study.check_tables import AUTOMATIC
-from rise_engine.study.design import cells, runs
+from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
 from rise_engine.study.new_study import NewStudy, copy_sentence, folder_problem, write_new_study
+from rise_engine.study.plan import cells, runs
 from rise_engine.study.review import review_study
 from rise_engine.study.study_toml import MAX_SEED
 

@@ -13,13 +13,11 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.results.export.session_tables import rows_to_keep
 from rise_engine.study.labels import Reassignment, reassignments
-from rise_engine.study.study_log import LOG_FILE, read_log
-from rise_engine.study.traces import STUDY_FILE
+from rise_engine.study.study_log import LOG_FILE, WITHDRAWN_PREFIX, read_log
+from rise_engine.study.traces import KEPT_FILE, STUDY_FILE
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
 from rise_engine.study.withdrawal_work import WithdrawalPlan
-from rise_engine.study.withdrawn import FILE as KEPT_FILE
-from rise_engine.study.withdrawn import PREFIX
 
 
 @click.command("withdraw")
@@ -80,7 +78,7 @@ def _slot_afterwards(study: Path, participant: str) -> str:
     holder = str(takers[theirs[-1]])
     if holder == participant:
         return "their slot is free"
-    stays = "is free" if holder.startswith(PREFIX) else f"stays with {holder}"
+    stays = "is free" if holder.startswith(WITHDRAWN_PREFIX) else f"stays with {holder}"
     return f"slot {theirs[-1]}, which they had, {stays}"
 
 

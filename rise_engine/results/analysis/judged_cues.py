@@ -23,9 +23,8 @@ from rise_engine.kernel.behaviors import (
     started_rule,
 )
 from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
-from rise_engine.results.analysis.causes import actor_of
-from rise_engine.results.analysis.model import InterruptionKind, SessionData, SessionFacts
-from rise_engine.results.analysis.outages import interruption_between
+from rise_engine.results.analysis.course import interruption_between
+from rise_engine.results.analysis.model import InterruptionKind, SessionData, SessionFacts, actor_of
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.session.folder import read_info
 from rise_engine.session.replay import load_session_scenario

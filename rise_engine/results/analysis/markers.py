@@ -34,10 +34,9 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.speech import SAY
 from rise_engine.kernel.task_view import TaskView, add_record
 from rise_engine.kernel.view import SessionView
-from rise_engine.results.analysis.acts import confirmed_at, parts_of, specs_of
-from rise_engine.results.analysis.causes import Request, actor_of, first_cause
-from rise_engine.results.analysis.model import SessionData, SessionFacts
-from rise_engine.results.analysis.outages import records_by_wall_clock
+from rise_engine.results.analysis.acts import Request, confirmed_at, first_cause, parts_of, specs_of
+from rise_engine.results.analysis.course import records_by_wall_clock
+from rise_engine.results.analysis.model import SessionData, SessionFacts, actor_of
 from rise_engine.scenario.model import ActionSpec, Scenario
 
 OTHER = "other"

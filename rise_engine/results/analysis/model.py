@@ -29,8 +29,7 @@ from rise_engine.session.media import MediaFile
 
 ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """The kind of requester. program: a node, a client, the command line."""
-
-
+_COMMAND_LINE = "wizard:command-line"
 WaitPart: TypeAlias = Literal["wizard_s", "way_s", "rules_s", "queue_s", "robot_s", "voice_s"]
 WAIT_PARTS: tuple[WaitPart, ...] = get_args(WaitPart)
 """The parts of the time until the robot acts, in their order."""
@@ -454,3 +453,15 @@ def seconds_between(earlier: float | None, later: float | None) -> float | None:
     if earlier is None or later is None:
         return None
     return round(later - earlier, 6)
+
+
+def actor_of(source: str) -> ActorKind:
+    """Return the kind of a record's source.
+
+    >>> actor_of("wizard:anna"), actor_of("rule:Greeting"), actor_of("engine"), actor_of("ros:/node")
+    ('wizard', 'rule', 'engine', 'program')
+    """
+    kind = source.partition(":")[0]
+    if kind == "wizard" and source != _COMMAND_LINE:
+        return "wizard"
+    return "rule" if kind == "rule" else "engine" if kind == "engine" else "program"

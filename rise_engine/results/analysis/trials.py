@@ -13,6 +13,7 @@ from rise_engine.expression import EvaluationError, Expression
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import AnyRecord, EventRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.rules import WITHOUT_ENTRY
+from rise_engine.results.analysis.course import STEPPED_BACK, interruption_between, was_stopped_by_wizard, worst
 from rise_engine.results.analysis.model import (
     ActPart,
     InterruptionKind,
@@ -21,8 +22,6 @@ from rise_engine.results.analysis.model import (
     WizardKey,
     seconds_between,
 )
-from rise_engine.results.analysis.outages import interruption_between, worst
-from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
 from rise_engine.scenario.model import Json, normal_topic
 from rise_engine.scenario.trial_settings import SPEECH, TrialSettings
 

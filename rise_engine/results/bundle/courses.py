@@ -26,8 +26,8 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, TaskRecord
 from rise_engine.results.analysis.acts import ActCollector
+from rise_engine.results.analysis.course import PhaseCollector
 from rise_engine.results.analysis.model import Phase, PlayedAct
-from rise_engine.results.analysis.phases import PhaseCollector
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine

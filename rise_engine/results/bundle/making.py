@@ -21,19 +21,32 @@ from rise_engine.results.bundle.about import (
     ABOUT_FILE,
     AboutBundle,
     BundleOptions,
+    LookAt,
     license_text,
     readme_text,
     write_about,
 )
-from rise_engine.results.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
-from rise_engine.results.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
+from rise_engine.results.bundle.crate import (
+    METADATA,
+    CrateContents,
+    CrateSession,
+    fingerprint,
+    manifest_text,
+    metadata_text,
+    write_zip,
+)
+from rise_engine.results.bundle.derived import (
+    FORMATS,
+    REPORT,
+    check_inputs,
+    sessions_in_order,
+    with_license,
+    write_derived,
+)
 from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
-from rise_engine.results.bundle.inputs import check_inputs
-from rise_engine.results.bundle.look_at import LookAt
-from rise_engine.results.bundle.manifest import fingerprint, manifest_text, write_zip
 from rise_engine.results.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, LeftOut, load_format
-from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
+from rise_engine.results.export.trial_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.folder import INFO, JOURNAL

@@ -15,12 +15,12 @@ from rise_engine.base.files import make_private_folder
 from rise_engine.base.json_codec import encode
 from rise_engine.privacy.levels import ExportLevel, LevelFilter, cut_age, without_dates_and_places
 from rise_engine.results.export.format import ExportError
-from rise_engine.study.check_tables import AUTOMATIC
+from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.model import Participant, Study
-from rise_engine.study.study_log import LogEntry
+from rise_engine.study.study_log import WITHDRAWN_PREFIX, LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.traces import is_withdrawn, without_salts
 from rise_engine.study.withdrawal_work import EXPORTED
-from rise_engine.study.withdrawn import PREFIX, is_withdrawn, without_salts
 
 GIVEN = "1900-01-01"
 """Replaces the date of a consent where the level shows no dates. Nobody can have consented on it."""
@@ -97,7 +97,7 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
     """
     entries = list(log)
     names_of = {str(each.get("participant") or "") for each in entries}
-    gone = {name for name in names_of if not name.startswith(PREFIX) and is_withdrawn(name, entries)}
+    gone = {name for name in names_of if not name.startswith(WITHDRAWN_PREFIX) and is_withdrawn(name, entries)}
     entries = without_salts([each for each in entries if each.get("participant") not in gone])
     if level == "full":
         return _lines((each.at, each.kind, each.fields) for each in entries)

@@ -41,9 +41,9 @@ from rise_engine.results.export.bids_tables import (
 )
 from rise_engine.results.export.course_tables import ACTS
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.results.export.questionnaire_tables import told_answers
 from rise_engine.results.export.session_tables import factor_column
 from rise_engine.results.export.table_schema import UNSAFE, Column, Row
+from rise_engine.results.export.trial_tables import told_answers
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record

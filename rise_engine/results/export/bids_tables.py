@@ -14,12 +14,11 @@ from typing import Any, TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.results.analysis.course import seconds_without_engine, wall_seconds
 from rise_engine.results.analysis.model import PlayedAct, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine, wall_seconds
 from rise_engine.results.export.course_tables import ACTS
 from rise_engine.results.export.session_tables import FACTS, SESSIONS
-from rise_engine.results.export.table_levels import MARKS
-from rise_engine.results.export.table_schema import Column, Row, TableSchema, Value, between, seconds
+from rise_engine.results.export.table_schema import MARKS, Column, Row, TableSchema, Value, between, seconds
 from rise_engine.results.export.trial_tables import TRIALS, declared_column
 
 Columns: TypeAlias = Mapping[str, Column]

@@ -20,9 +20,16 @@ from msgspec import Struct, field
 
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.export.format import ExportContext, ExportFormat
-from rise_engine.results.export.media_clock import MediaClock, recording_clock, warn_of_lost
+from rise_engine.results.export.media_clock import (
+    Annotation,
+    MediaClock,
+    TierSpan,
+    lay_out,
+    one_line,
+    recording_clock,
+    warn_of_lost,
+)
 from rise_engine.results.export.spans import ACT_TIERS, CUE, FILLERS, RULE, spans_of
-from rise_engine.results.export.tiers import Annotation, TierSpan, lay_out, one_line
 from rise_engine.session.coded_formats import CLOCK, OWN_CATEGORIES, OWN_PROJECT
 from rise_engine.session.media import MediaFile
 

@@ -8,7 +8,7 @@ from heapq import merge
 
 from msgspec import Struct
 
-from rise_engine.results.analysis.causes import actor_of
+from rise_engine.results.analysis.course import interruption_between, wall_seconds
 from rise_engine.results.analysis.model import (
     WAIT_PARTS,
     InterruptionKind,
@@ -16,10 +16,10 @@ from rise_engine.results.analysis.model import (
     Point,
     SessionData,
     WaitPart,
+    actor_of,
 )
-from rise_engine.results.analysis.outages import interruption_between, wall_seconds
 from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
-from rise_engine.results.export.table_levels import (
+from rise_engine.results.export.table_schema import (
     ACTION_STATUS,
     ACTORS,
     CUE_STATES,
@@ -28,8 +28,6 @@ from rise_engine.results.export.table_levels import (
     MARKS,
     PHASE_ENDS,
     STATUS,
-)
-from rise_engine.results.export.table_schema import (
     Column,
     Reference,
     Row,

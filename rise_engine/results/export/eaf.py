@@ -1,15 +1,18 @@
-"""ELAN transcriptions of a session (`.eaf`): tiers, and links to the recordings.
+"""A session's tiers as files for ELAN (`.eaf`, with links to recordings) and for Praat (TextGrid, for sound).
 
-The format is ELAN Annotation Format 3.0 with the schema EAFv3.0.xsd (The Language Archive, December 2016). The schema
-does not say the following: media time = annotation time + TIME_ORIGIN; TIME_ORIGIN is never negative; a MEDIA_URL is
-`file:///` and the unescaped path, without %20 for a blank, because ELAN removes the prefix and opens the rest.
-"""
+ELAN: Annotation Format 3.0 with the schema EAFv3.0.xsd (The Language Archive, December 2016). The schema does not say
+the following: media time = annotation time + TIME_ORIGIN; TIME_ORIGIN is never negative; a MEDIA_URL is `file:///` and
+the unescaped path, without %20 for a blank, because ELAN removes the prefix and opens the rest.
+
+Praat: the long form of its manual ("TextGrid file formats"): intervals without gaps, with empty ones between the
+annotations, and doubled quotes in texts. A TextGrid belongs to one sound but does not name it. Its times are those of
+the session's first sound file, or else of the first video, or else session time."""
 
 from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -17,9 +20,18 @@ from lxml import etree
 
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.export.format import ExportContext, ExportFormat
-from rise_engine.results.export.media_clock import LinkedFile, MediaClock, session_clock, warn_of_lost
+from rise_engine.results.export.media_clock import (
+    LinkedFile,
+    MediaClock,
+    Tier,
+    TierSet,
+    lay_out,
+    one_line,
+    recording_clock,
+    session_clock,
+    warn_of_lost,
+)
 from rise_engine.results.export.spans import spans_of
-from rise_engine.results.export.tiers import Tier, TierSet, lay_out, one_line
 from rise_engine.session.coded_formats import CLOCK, OWN_ANNOTATOR, OWN_TYPE, SESSION
 
 AUTHOR = OWN_ANNOTATOR
@@ -188,10 +200,80 @@ def _as_text(path: str) -> str:
     return one_line(path.encode("utf-8", "replace").decode())
 
 
-FORMAT = ExportFormat(
+EAF = ExportFormat(
     name="eaf",
     about="ELAN: what robot, wizard and rules did as tiers, with the recordings that belong to the session",
     shape="file-per-session",
     suffix=".eaf",
     write=write_eaf,
+)
+
+
+# --- Praat ------------------------------------------------------------------------------------------------------------
+
+
+def write_textgrid(out: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    """Write the TextGrid of one session to `out`, a path that does not exist."""
+    for data in sessions:
+        clock = recording_clock(data, context.warnings, first="audio", alone=True)
+        found = lay_out(spans_of(data), clock, data.facts.duration)
+        tell_whose_time(data, clock, context.warnings)
+        warn_of_lost(data, found.lost, context.warnings)
+        end = max(found.end, *(round((each.file.duration or 0.0) * 1000) for each in clock.linked), 0)
+        with out.open("x", encoding="utf-8", newline="\n") as file:
+            file.writelines(f"{line}\n" for line in _lines(found.tiers, end))
+
+
+def tell_whose_time(data: SessionData, clock: MediaClock, warnings: list[str]) -> None:
+    """Name the recording whose time a file has, because the file cannot."""
+    if clock.linked:
+        warnings.append(
+            f"{data.facts.session}: its times are those of {clock.linked[0].file.path}, in which the session "
+            f"begins at {clock.shift:.3f} s"
+        )
+
+
+def _lines(tiers: tuple[Tier, ...], end: int) -> Iterator[str]:
+    yield from ('File type = "ooTextFile"', 'Object class = "TextGrid"', "")
+    yield from ("xmin = 0", f"xmax = {_seconds(end)}", "tiers? <exists>", f"size = {len(tiers)}", "item []:")
+    for number, tier in enumerate(tiers, 1):
+        intervals = list(_intervals(tier, end))
+        yield f"    item [{number}]:"
+        yield '        class = "IntervalTier"'
+        yield f"        name = {_quoted(tier.name)}"
+        yield from ("        xmin = 0", f"        xmax = {_seconds(end)}")
+        yield f"        intervals: size = {len(intervals)}"
+        for place, (start, stop, text) in enumerate(intervals, 1):
+            yield f"        intervals [{place}]:"
+            yield from (f"            xmin = {_seconds(start)}", f"            xmax = {_seconds(stop)}")
+            yield f"            text = {_quoted(text)}"
+
+
+def _intervals(tier: Tier, end: int) -> Iterator[tuple[int, int, str]]:
+    """Give the annotations and the gaps between them, from 0 to `end`."""
+    at = 0
+    for annotation in tier.annotations:
+        if annotation.start > at:
+            yield at, annotation.start, ""
+        yield annotation.start, annotation.end, annotation.text
+        at = annotation.end
+    if at < end:
+        yield at, end, ""
+
+
+def _seconds(ms: int) -> str:
+    return f"{ms // 1000}.{ms % 1000:03d}".rstrip("0").rstrip(".")
+
+
+def _quoted(text: str) -> str:
+    doubled = text.replace('"', '""')
+    return f'"{doubled}"'
+
+
+TEXTGRID = ExportFormat(
+    name="textgrid",
+    about="Praat: the same tiers as a TextGrid, in the time of the session's sound file",
+    shape="file-per-session",
+    suffix=".TextGrid",
+    write=write_textgrid,
 )

@@ -13,7 +13,7 @@ from rise_engine.kernel.records import ENGINE
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.analysis.statistics import Summary, share_over, summarise
-from rise_engine.results.export.table_levels import (
+from rise_engine.results.export.table_schema import (
     ALIGNMENTS,
     CHECK_RESULTS,
     MEDIA_KINDS,
@@ -21,8 +21,6 @@ from rise_engine.results.export.table_levels import (
     OUTCOMES,
     PURPOSES,
     RECORDING_STATES,
-)
-from rise_engine.results.export.table_schema import (
     Column,
     Reference,
     Row,
@@ -38,7 +36,7 @@ from rise_engine.results.export.table_schema import (
 from rise_engine.study.model import Level, Study
 from rise_engine.study.participants import CONSENT_PREFIX, PARTICIPANTS_FILE, load_participants
 from rise_engine.study.study_toml import STUDY_FILE, load_study
-from rise_engine.study.withdrawn import CONSENT, ID, new_id
+from rise_engine.study.traces import KEPT_CONSENT, KEPT_ID, new_id
 
 LONG = 2.0
 """Answers count as late after this number of seconds."""
@@ -361,8 +359,8 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
     if loaded is None:
         raise StudyError(f"{STUDY_FILE} has errors, so it is not known who has agreed to what. Nothing was erased")
     found = [each for each in load_participants(loaded).participants if each.participant == participant]
-    column = f"{CONSENT_PREFIX}{CONSENT}"
-    if not any(each.consent.get(CONSENT) for each in found):
+    column = f"{CONSENT_PREFIX}{KEPT_CONSENT}"
+    if not any(each.consent.get(KEPT_CONSENT) for each in found):
         raise StudyError(
             f"{participant} has not agreed that anything is kept: {PARTICIPANTS_FILE} has no date in {column}. "
             "Nothing was erased; without --keep-anonymous, everything is"
@@ -374,5 +372,7 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
             continue
         columns = [*FACTS, *(factor_column(name, loaded) for name in data.facts.factors), *SESSIONS.columns]
         (row,) = SESSIONS.rows(data)
-        rows.append({ID: fresh, **{each.name: cell(each.of(row)) for each in columns if each.name not in _LEFT_OUT}})
+        rows.append(
+            {KEPT_ID: fresh, **{each.name: cell(each.of(row)) for each in columns if each.name not in _LEFT_OUT}}
+        )
     return rows

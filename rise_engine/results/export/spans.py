@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
+from rise_engine.results.analysis.course import PARTLY_WITH, interruption_between, seconds_without_engine
 from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import PARTLY_WITH, interruption_between, seconds_without_engine
-from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
+from rise_engine.results.export.media_clock import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
 ROBOT_TIERS = (ROBOT_SPEECH, "robot gaze", "robot face", "robot body", "robot arms")

@@ -22,7 +22,6 @@ from msgspec.structs import replace
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.export.course_tables import ACTIONS, ACTS, CODED, CUES, EVENTS, PHASES
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.results.export.questionnaire_tables import ToldAnswers, told_answers
 from rise_engine.results.export.session_tables import CHECKS, FACTS, OF_SESSION, RECORDINGS, SESSIONS, factor_column
 from rise_engine.results.export.table_schema import (
     SAFE,
@@ -35,7 +34,7 @@ from rise_engine.results.export.table_schema import (
     resource,
     safe_cell,
 )
-from rise_engine.results.export.trial_tables import TRIALS, WideTable, declared_column
+from rise_engine.results.export.trial_tables import TRIALS, ToldAnswers, WideTable, declared_column, told_answers
 from rise_engine.study.publishing import package_facts
 from rise_engine.study.questionnaires import ValueType, type_of_values
 

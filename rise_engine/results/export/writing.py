@@ -23,8 +23,7 @@ from rise_engine.session.folder import SCENARIO_COPY, read_info
 from rise_engine.session.unfinished_files import unfinished
 from rise_engine.study.study_log import LockedLog, LogEntry, StudyLogError
 from rise_engine.study.study_toml import load_study
-from rise_engine.study.traces import MANIFEST_FILE, owner_of, study_of_session
-from rise_engine.study.withdrawn import is_withdrawn
+from rise_engine.study.traces import MANIFEST_FILE, is_withdrawn, owner_of, study_of_session
 
 
 class ExportReport(Struct):

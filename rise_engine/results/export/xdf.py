@@ -20,9 +20,9 @@ from typing import BinaryIO
 from lxml import etree
 
 from rise_engine.base.text import escape_surrogates
+from rise_engine.results.analysis.course import records_by_wall_clock
 from rise_engine.results.analysis.markers import describe_session, recorded_markers, source_id
 from rise_engine.results.analysis.model import SessionData, SessionFacts
-from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.results.export.format import ExportContext, ExportFormat
 from rise_engine.session.journal_format import encode_record
 

@@ -14,8 +14,8 @@ from msgspec import Struct
 from rise_engine.base.text import clean
 from rise_engine.results.analysis.statistics import Summary, summarise
 from rise_engine.results.report.document import Figure, number_text, seconds_text
-from rise_engine.results.report.latency import BANDS, BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
-from rise_engine.results.report.svg import Drawing
+from rise_engine.results.report.page import Drawing
+from rise_engine.results.report.session_facts import BANDS, BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
 
 WIDTH = 1000.0
 _LEVELS = " \u2581\u2582\u2583\u2584\u2585\u2586\u2587\u2588"

@@ -10,10 +10,10 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean
 from rise_engine.kernel.record_words import trigger_text
+from rise_engine.results.analysis.course import interruption_between, seconds_without_engine
 from rise_engine.results.analysis.model import ActorKind, Cue, Outage, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
 from rise_engine.results.report.document import Figure, cause_text, clock_text, seconds_text, with_interruption
-from rise_engine.results.report.svg import Drawing
+from rise_engine.results.report.page import Drawing
 
 SpanKind: TypeAlias = Literal["cue", "unanswered", "act", "filler", "part", "state", "other-state"]
 MarkKind: TypeAlias = Literal["note", "mistake", "stop", "sync", "fault"]

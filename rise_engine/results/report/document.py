@@ -12,8 +12,8 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.results.analysis.course import PARTLY_WITH
 from rise_engine.results.analysis.model import ActorKind, InterruptionKind
-from rise_engine.results.analysis.outages import PARTLY_WITH
 from rise_engine.results.analysis.statistics import Share
 
 Voice: TypeAlias = Literal["plain", "note", "warning"]
@@ -56,7 +56,7 @@ class Figure(Struct, frozen=True, kw_only=True):
     caption: str
     """How to read it on the page."""
     svg: tuple[str, ...]
-    """Whole `<svg>` elements, made by `rise_engine.results.report.svg`. A page can break between them."""
+    """Whole `<svg>` elements, made by `rise_engine.results.report.page`. A page can break between them."""
     text: Callable[[int], list[str]] | None = None
     """Makes lines with the same content and how to read them, for a width in characters. None: tables beside it do."""
 

@@ -21,10 +21,10 @@ from rise_engine.results.report.sheet import sheet_markdown
 from rise_engine.results.report.study_facts import study_figures
 from rise_engine.results.report.study_report import StudyReportInput, study_report
 from rise_engine.session.replay import ReplayComparison, compare_replay
-from rise_engine.study.checked import checks_after
+from rise_engine.study.checks import checks_after
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import StudyStatus, read_state
-from rise_engine.study.withdrawn import withdrawn_of
+from rise_engine.study.traces import withdrawn_of
 
 
 class MadeReport(Struct, frozen=True):

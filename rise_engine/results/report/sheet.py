@@ -28,7 +28,7 @@ from rise_engine.results.report.study_facts import SessionRow, StudyFigures, Wiz
 from rise_engine.results.report.trials_section import left_out_answers
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.publishing import REPORT_ITEMS
-from rise_engine.study.withdrawn import Withdrawn
+from rise_engine.study.traces import Withdrawn
 
 ORIGIN = (
     "The items paraphrase the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "

@@ -11,9 +11,8 @@ from msgspec import Struct
 from rise_engine.results.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.results.analysis.statistics import Share, Summary, summarise
 from rise_engine.results.analysis.trials import NoNumber, trials_of
-from rise_engine.results.report.latency import BANDS, LatencyFacts, LatencyPart
-from rise_engine.results.report.session_facts import SessionFigures, session_figures
-from rise_engine.study.checked import asks_debriefing, check_text
+from rise_engine.results.report.session_facts import BANDS, LatencyFacts, LatencyPart, SessionFigures, session_figures
+from rise_engine.study.checks import asks_debriefing, check_text
 from rise_engine.study.model import Study, StudyCheck
 from rise_engine.study.study_scenarios import scenario_of
 

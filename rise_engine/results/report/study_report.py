@@ -51,9 +51,9 @@ from rise_engine.results.report.trials_section import (
     trials_summary,
 )
 from rise_engine.study.begin import LANGUAGE
-from rise_engine.study.design import factors_of
 from rise_engine.study.model import Study, StudyStanding
-from rise_engine.study.withdrawn import Withdrawn
+from rise_engine.study.plan import factors_of
+from rise_engine.study.traces import Withdrawn
 
 NO_CONDITION = "no condition"
 HIDDEN = (

@@ -20,9 +20,9 @@ from rise_engine.results.report.document import (
     percent_text,
     source_name,
 )
-from rise_engine.results.report.latency import BANDS, CAVEATS, LIMITS, SOURCES, LatencyFacts, LatencyPart
+from rise_engine.results.report.page import Drawing
+from rise_engine.results.report.session_facts import BANDS, CAVEATS, LIMITS, SOURCES, LatencyFacts, LatencyPart
 from rise_engine.results.report.study_facts import SessionRow
-from rise_engine.results.report.svg import Drawing
 
 UNDECLARED = (
     "No scenario of this study says what a trial is. Write [trials] in scenario.toml, with the state of a rule that "

@@ -10,8 +10,7 @@ import pytest
 
 from rise_engine.kernel.records import AnyRecord, TaskRecord, TimingRecord
 from rise_engine.results.analysis.acts import ActCollector
-from rise_engine.results.analysis.causes import actor_of
-from rise_engine.results.analysis.model import PlayedAct
+from rise_engine.results.analysis.model import PlayedAct, actor_of
 from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.chance import seeds
 from tests.reference.comparison import Play

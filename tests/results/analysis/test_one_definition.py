@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from rise_engine.kernel.inputs import Note, SessionStarted
+from rise_engine.results.analysis.course import records_by_wall_clock
 from rise_engine.results.analysis.judged_cues import judge_session
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.spans import spans_of
 from rise_engine.results.export.writing import export_context
-from rise_engine.results.report.plain_text import text_lines
+from rise_engine.results.report.page import text_lines
 from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.study_facts import session_row
 from tests.sources import ROOT

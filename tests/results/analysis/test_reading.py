@@ -13,17 +13,17 @@ from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, NoteRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
-from rise_engine.results.analysis.outages import (
+from rise_engine.results.analysis.course import (
     OutageCollector,
+    PointCollector,
     interruption_between,
     records_by_wall_clock,
     seconds_without_engine,
 )
-from rise_engine.results.analysis.phases import PointCollector
+from rise_engine.results.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.analysis.session_records import SessionRecords
-from rise_engine.results.report.plain_text import text_lines
+from rise_engine.results.report.page import text_lines
 from rise_engine.results.report.session_report import session_report
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum

@@ -14,11 +14,11 @@ from click.testing import CliRunner
 
 from rise_engine.cli import main
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.bundle import manifest
+from rise_engine.results.bundle import crate as bundle_files
 from rise_engine.results.bundle.about import BundleOptions
+from rise_engine.results.bundle.crate import opened_bundle
 from rise_engine.results.bundle.derived import check_bundle
 from rise_engine.results.bundle.making import BundleReport, make_bundle
-from rise_engine.results.bundle.manifest import opened_bundle
 from rise_engine.results.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.proof import prove_sessions
@@ -469,8 +469,8 @@ def test_a_zip_file_that_would_do_harm_is_not_unpacked(
     _zip(tmp_path / "x.zip", *entries)
     (tmp_path / "tmp").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
-    monkeypatch.setattr(manifest, "SMALL_BYTES", 100_000)
-    monkeypatch.setattr(manifest, "MAX_FILES", 4)
+    monkeypatch.setattr(bundle_files, "SMALL_BYTES", 100_000)
+    monkeypatch.setattr(bundle_files, "MAX_FILES", 4)
     if case == "no room":
         monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1_000))
     with pytest.raises(ExportError) as refused, opened_bundle(tmp_path / "x.zip"):

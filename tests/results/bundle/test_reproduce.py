@@ -18,10 +18,15 @@ from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.results.bundle.about import BundleOptions, read_about
 from rise_engine.results.bundle.courses import read_recorded
-from rise_engine.results.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
-from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
+from rise_engine.results.bundle.crate import fingerprint, manifest_text
+from rise_engine.results.bundle.derived import (
+    DerivedCheck,
+    InputsCheck,
+    check_inputs,
+    compare_derived,
+    sessions_in_order,
+)
 from rise_engine.results.bundle.making import make_bundle
-from rise_engine.results.bundle.manifest import fingerprint, manifest_text
 from rise_engine.results.export.format import ExportError
 from rise_engine.scenario.loader import load
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum

@@ -12,10 +12,9 @@ from rise_engine.base.errors import StudyError
 from rise_engine.base.files import Disk
 from rise_engine.cli import main
 from rise_engine.results.export.session_tables import rows_to_keep
-from rise_engine.study.traces import WORK_FOLDER
+from rise_engine.study.traces import KEPT_FILE, WORK_FOLDER, add_rows
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
-from rise_engine.study.withdrawn import FILE, add_rows
 from tests.results.analysis.samples import make_study
 
 
@@ -30,7 +29,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def rows_of(study: Path) -> list[dict[str, str]]:
-    with (study / FILE).open(encoding="utf-8") as file:
+    with (study / KEPT_FILE).open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -45,16 +44,16 @@ def test_numbers_stay_under_a_fresh_id(study: Path) -> None:
     rows = rows_of(study)
     assert [row["run"] for row in rows] == ["1", "2"]
     assert len({row["id"] for row in rows}) == 1
-    assert f"2 rows of numbers stay in {FILE}, as {rows[0]['id']}" in said
+    assert f"2 rows of numbers stay in {KEPT_FILE}, as {rows[0]['id']}" in said
     assert {row["factor_hesitation"] for row in rows} == {"yes"}
     assert [(float(row["duration_s"]), row["acts"], row["outcome"]) for row in rows] == [(120.0, "16", "complete")] * 2
     assert float(rows[0]["response_median_s"]) > 0
-    text = (study / FILE).read_text("utf-8")
+    text = (study / KEPT_FILE).read_text("utf-8")
     assert not any(
         word in text for word in ("P01", "2024", "2026", "anna", "wizard:", "sha", "slot", "seed", "hesitation_real")
     )
     assert not list((study / "sessions").glob("*P01*"))
-    assert (study / FILE).stat().st_mode & 0o077 == 0
+    assert (study / KEPT_FILE).stat().st_mode & 0o077 == 0
 
 
 def test_of_several_people_the_order_says_nothing(study: Path) -> None:
@@ -73,7 +72,7 @@ def test_a_reassigned_session_says_nothing_of_whom_it_was_run_under(study: Path)
         arguments = ["study", "reassign", str(study), session, participant, "--reason", "they sat there"]
         assert CliRunner().invoke(main, arguments).exit_code == 0
     run(study, "P02", "--yes", "--keep-anonymous")
-    text = (study / FILE).read_text("utf-8")
+    text = (study / KEPT_FILE).read_text("utf-8")
     assert len(rows_of(study)) == 3 and "run_as" not in text and "P0" not in text
 
 
@@ -83,7 +82,7 @@ def test_who_has_not_agreed_is_not_kept_and_nothing_is_erased(study: Path) -> No
     assert status == 1
     assert "P03 has not agreed that anything is kept" in errors
     assert sorted(path.name for path in (study / "sessions").iterdir()) == before
-    assert not (study / FILE).exists()
+    assert not (study / KEPT_FILE).exists()
     (study / "study.toml").write_text("nonsense", "utf-8")
     with pytest.raises(StudyError, match="has errors"):
         rows_to_keep(study, "P01", [])
@@ -91,7 +90,7 @@ def test_who_has_not_agreed_is_not_kept_and_nothing_is_erased(study: Path) -> No
 
 def test_without_the_option_nothing_stays(study: Path) -> None:
     run(study, "P01", "--yes")
-    assert not (study / FILE).exists()
+    assert not (study / KEPT_FILE).exists()
 
 
 class _Killed(BaseException):

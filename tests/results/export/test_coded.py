@@ -19,9 +19,8 @@ from rise_engine.kernel.records import ActionStatus
 from rise_engine.privacy.levels import LevelFilter
 from rise_engine.privacy.redaction import redact
 from rise_engine.privacy.sharing import share_session
-from rise_engine.results.analysis.coded import RobotSpeech, coded_annotation, robot_speech
 from rise_engine.results.analysis.model import ActPart, Interruption
-from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.analysis.reading import RobotSpeech, coded_annotation, read_session, robot_speech
 from rise_engine.results.export.media_clock import session_clock
 from rise_engine.session.coded import CODED_FILE, CodedFile, read_coded
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, parse_clock, read_coded_document

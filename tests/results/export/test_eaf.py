@@ -19,11 +19,10 @@ from pympi.Elan import Eaf
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.export.eaf import FORMAT, write_eaf
+from rise_engine.results.export.eaf import EAF, write_eaf
 from rise_engine.results.export.format import ExportContext
-from rise_engine.results.export.media_clock import session_clock
+from rise_engine.results.export.media_clock import lay_out, session_clock
 from rise_engine.results.export.spans import spans_of
-from rise_engine.results.export.tiers import lay_out
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.session.media import FoundMark
 from tests.results.analysis.samples import play_session
@@ -235,7 +234,7 @@ def test_broken_copies_are_refused(what: str, real: SessionData, tmp_path: Path)
 
 
 def test_what_help_says_of_it() -> None:
-    assert (FORMAT.name, FORMAT.suffix, FORMAT.shape) == ("eaf", ".eaf", "file-per-session")
+    assert (EAF.name, EAF.suffix, EAF.shape) == ("eaf", ".eaf", "file-per-session")
 
 
 def test_marks_lie_in_every_file_where_they_were_found(tmp_path: Path) -> None:
@@ -275,7 +274,7 @@ def test_the_command_names_films_relative_to_where_the_file_ends_up(several: boo
     film.write_bytes(b"")
     (folder / "media.json").write_bytes(msgspec.json.encode([video(str(film), offset=2.0)]))
     out = tmp_path / "out"
-    export_sessions(FORMAT, out, [folder], export_context([folder], "full"), several=several)
+    export_sessions(EAF, out, [folder], export_context([folder], "full"), several=several)
     file = next(out.iterdir()) if several else out
     (linked,) = etree.parse(str(file)).iter("MEDIA_DESCRIPTOR")
     assert (file.parent / linked.get("RELATIVE_MEDIA_URL", "")).resolve() == film

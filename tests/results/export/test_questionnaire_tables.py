@@ -15,8 +15,8 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.bids import write_bids
 from rise_engine.results.export.format import ExportError
-from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.results.export.tables import FORMAT
+from rise_engine.results.export.trial_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.study.traces import find_names
 from tests.results.analysis.samples import make_study, sessions_of

@@ -27,7 +27,7 @@ from rise_engine.ports.recorder import MediaKind
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActorKind, PointKind
 from rise_engine.results.analysis.reading import read_session, read_sessions
-from rise_engine.results.export import table_levels
+from rise_engine.results.export import table_schema
 from rise_engine.results.export.bids_tables import EVENT_COLUMNS, event_rows
 from rise_engine.results.export.course_tables import ACTS, CODED, CUES, PHASES
 from rise_engine.results.export.format import ExportError
@@ -340,20 +340,20 @@ def test_texts_of_any_kind_stay_one_cell(tmp_path: Path) -> None:
 
 def test_every_value_that_there_can_be_is_described() -> None:
     pairs: list[tuple[Any, Any]] = [
-        (table_levels.STATUS, TaskStatus),
-        (table_levels.ACTION_STATUS, ActionStatus),
-        (table_levels.ACTORS, ActorKind),
-        (table_levels.OUTCOMES, OutcomeStatus),
-        (table_levels.PURPOSES, Purpose),
-        (table_levels.CHECK_RESULTS, CheckResult),
-        (table_levels.RECORDING_STATES, RecordingStatus),
-        (table_levels.MEDIA_KINDS, MediaKind),
+        (table_schema.STATUS, TaskStatus),
+        (table_schema.ACTION_STATUS, ActionStatus),
+        (table_schema.ACTORS, ActorKind),
+        (table_schema.OUTCOMES, OutcomeStatus),
+        (table_schema.PURPOSES, Purpose),
+        (table_schema.CHECK_RESULTS, CheckResult),
+        (table_schema.RECORDING_STATES, RecordingStatus),
+        (table_schema.MEDIA_KINDS, MediaKind),
     ]
     for levels, values in pairs:
         assert {*levels} == {*get_args(values)}
-    assert {*table_levels.MARKS} == {*get_args(Mark)} - {"none"}
-    assert {*table_levels.ALIGNMENTS} == {*get_args(AlignedBy)} - {""}
-    assert {*table_levels.EVENT_KINDS} == {*get_args(PointKind)} | {"act", "phase", "cue"}
+    assert {*table_schema.MARKS} == {*get_args(Mark)} - {"none"}
+    assert {*table_schema.ALIGNMENTS} == {*get_args(AlignedBy)} - {""}
+    assert {*table_schema.EVENT_KINDS} == {*get_args(PointKind)} | {"act", "phase", "cue"}
 
 
 def test_every_column_is_described_and_filled(tables: Path) -> None:

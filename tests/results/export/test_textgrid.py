@@ -14,11 +14,10 @@ from praatio import textgrid as praatio
 
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.export.eaf import write_textgrid
 from rise_engine.results.export.format import ExportContext
-from rise_engine.results.export.media_clock import recording_clock
+from rise_engine.results.export.media_clock import TierSet, lay_out, recording_clock
 from rise_engine.results.export.spans import spans_of
-from rise_engine.results.export.textgrid import write_textgrid
-from rise_engine.results.export.tiers import TierSet, lay_out
 from tests.results.analysis.samples import play_session
 
 from .made_sessions import HARD_TEXTS, act, phase, point, session, sessions, video

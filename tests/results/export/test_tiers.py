@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from rise_engine.results.analysis.model import ActPart, Cue, SessionData
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.export.media_clock import MediaClock
+from rise_engine.results.export.media_clock import MediaClock, TierSet, lay_out, one_line
 from rise_engine.results.export.spans import spans_of
-from rise_engine.results.export.tiers import TierSet, lay_out, one_line
 from tests.results.analysis.samples import play_session
 
 from .made_sessions import act, phase, point, session, sessions

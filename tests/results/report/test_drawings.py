@@ -12,7 +12,7 @@ from rise_engine.results.analysis.model import Phase, PlayedAct
 from rise_engine.results.analysis.statistics import summarise
 from rise_engine.results.report.charts import CourseOfSessions, DotRow, dot_plot, drift_figure, latency_figure
 from rise_engine.results.report.course import FEW_ROWS, MAX_ROWS, MAX_RULES, left_out_rules, row_seconds
-from rise_engine.results.report.latency import BANDS, BIN, LAST_BIN, SOURCES, band_of, histogram, latencies
+from rise_engine.results.report.session_facts import BANDS, BIN, LAST_BIN, SOURCES, band_of, histogram, latencies
 from rise_engine.results.report.study_facts import pool
 from tests.results.report.pages import PageReader
 

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 
 from rise_engine.base.text import UNSEEN
 from rise_engine.results.report.document import Document, Facts, Figure, Paragraph, ReportTable, Section
-from rise_engine.results.report.page import page_text
-from rise_engine.results.report.plain_text import cells_wide, text_lines
-from rise_engine.results.report.svg import Drawing, element, escape
+from rise_engine.results.report.page import Drawing, cells_wide, element, escape, page_text, text_lines
 from tests.results.report.pages import PageReader
 
 HOSTILE = [

@@ -26,8 +26,7 @@ from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.report.document import clock_text, length_text
 from rise_engine.results.report.making import make_session_report, replay_words
-from rise_engine.results.report.page import page_text
-from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.page import cells_wide, page_text, text_lines
 from rise_engine.results.report.session_facts import session_figures
 from rise_engine.results.report.session_report import session_report
 from rise_engine.session.folder import JOURNAL

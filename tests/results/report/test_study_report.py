@@ -22,8 +22,7 @@ from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.results.report.document import Facts, Paragraph
 from rise_engine.results.report.making import MadeReport, make_study_report
-from rise_engine.results.report.page import page_text
-from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.page import cells_wide, page_text, text_lines
 from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.sheet import _hashes_text, debriefed_text
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardPart, study_figures
@@ -33,7 +32,7 @@ from rise_engine.session.journal_format import encode_line
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
-from rise_engine.study.withdrawn import Withdrawn
+from rise_engine.study.traces import Withdrawn
 from tests.results.analysis.samples import DESIGN, make_study, play_session, sessions_of, task
 from tests.results.report.pages import PageReader
 from tests.results.report.test_page import assert_harmless

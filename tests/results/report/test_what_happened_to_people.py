@@ -14,7 +14,7 @@ from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.document import ReportTable
 from rise_engine.results.report.making import make_study_report
-from rise_engine.results.report.plain_text import text_lines
+from rise_engine.results.report.page import text_lines
 from rise_engine.study.begin import BeginRequest, plan_session
 from rise_engine.study.judge import judge_session
 from rise_engine.study.state import OpenStudy, StudyStatus, read_state
