@@ -22,7 +22,8 @@ from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Recordin
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
 from rise_engine.privacy.levels import ExportLevel, _without_free_speech, without_dates_and_places
 from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
-from rise_engine.results.export.records import SessionExport
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.export.records import write_records
 from rise_engine.scenario.loader import load
 from tests.chance import examples
 from tests.kernel.harness import Session
@@ -39,7 +40,7 @@ def submit(session: Session, function: str, behavior: str, source: str = "wizard
 
 def exported(made: Made, level: ExportLevel, **more: Any) -> list[dict[str, Any]]:
     out = io.BytesIO()
-    SessionExport(made.folder, level=level, **more).write("jsonl", out)
+    write_records(SessionRecords(made.folder, level=level, **more), "jsonl", out)
     return [json.loads(line) for line in out.getvalue().splitlines()]
 
 
@@ -47,7 +48,7 @@ def text_of(made: Made, level: ExportLevel) -> str:
     """Everything that an export has, in both formats, also what JSON escapes."""
     text = json.dumps(exported(made, level), ensure_ascii=False)
     out = io.BytesIO()
-    SessionExport(made.folder, level=level).write("csv", out)
+    write_records(SessionRecords(made.folder, level=level), "csv", out)
     return text + out.getvalue().decode()
 
 
@@ -140,7 +141,7 @@ def test_no_time_of_day(made: Made) -> None:
     records = exported(made, "shared")
     assert {each["wall"] for each in records} == {""}
     assert [each["t"] for each in records] == [each.t for each in made.records]
-    export = SessionExport(made.folder, level="shared")
+    export = SessionRecords(made.folder, level="shared")
     assert export.name == "sample-study_debug" and made.folder.name.endswith(f"_{export.name}")
 
 
@@ -162,9 +163,9 @@ def test_further_private_keys(made: Made) -> None:
 def test_without_the_scenario_nobody_knows_what_is_private(made: Made) -> None:
     shutil.rmtree(made.folder / "scenario")
     shutil.rmtree(made.study)
-    SessionExport(made.folder)
+    SessionRecords(made.folder)
     with pytest.raises(SessionError, match="it is not known which memory keys are private"):
-        SessionExport(made.folder, level="shared")
+        SessionRecords(made.folder, level="shared")
 
 
 def run(*arguments: object) -> Result:

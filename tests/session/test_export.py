@@ -18,7 +18,8 @@ from click.testing import CliRunner, Result
 from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.results.export.records import COLUMNS, SessionExport, table_cell
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.export.records import COLUMNS, table_cell, write_records
 from rise_engine.session.folder import INFO, find_session
 from rise_engine.session.journal_format import encode_record
 from tests.cli.processes import ENGINE
@@ -34,8 +35,8 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
 
 def exported(made: Made, format: Any) -> tuple[bytes, list[str]]:
     out = io.BytesIO()
-    export = SessionExport(made.folder)
-    export.write(format, out)
+    export = SessionRecords(made.folder)
+    write_records(export, format, out)
     return out.getvalue(), export.problems
 
 

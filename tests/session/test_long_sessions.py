@@ -19,7 +19,8 @@ import pytest
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.results.export.records import SessionExport
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.export.records import write_records
 from rise_engine.run.client.replay import ReplayClient
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineStarted, start_engine
@@ -61,7 +62,7 @@ def test_the_journal_is_never_all_in_memory(made: Made) -> None:
     assert records == len(made.records) > 5_000
     assert peak(lambda: read_journal(made.journal)) < size / 4
     assert peak(lambda: compare_replay(made.folder)) < size / 4
-    assert peak(lambda: SessionExport(made.folder).write("jsonl", Nowhere())) < size / 4
+    assert peak(lambda: write_records(SessionRecords(made.folder), "jsonl", Nowhere())) < size / 4
 
 
 class Nowhere(io.BytesIO):

@@ -20,6 +20,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
 from rise_engine.cli.terminal import print_notes, refusing, standard_output
 from rise_engine.privacy.levels import LEVELS, ExportLevel
+from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.format import (
     HAS_WITHDRAWN,
     ExportError,
@@ -28,7 +29,7 @@ from rise_engine.results.export.format import (
     format_names,
     load_format,
 )
-from rise_engine.results.export.records import RecordFormat, SessionExport
+from rise_engine.results.export.records import RecordFormat, write_records
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session
 from rise_engine.study.labels import copied_sessions
@@ -285,16 +286,16 @@ def _export_records(selection: Selection, request: ExportRequest) -> int:
     folder = selection.folders[0]
     out, format = request.out, RECORD_FORMATS[RECORD_FORMATS.index(request.format)]
     wizards = wizard_names(study_of_session(folder))
-    exporter = SessionExport(folder, level=request.level, private=request.private, wizards=wizards)
+    source = SessionRecords(folder, level=request.level, private=request.private, wizards=wizards)
     if out is None or out == "-":
         with standard_output() as file:
-            exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
+            write_records(source, format, file, spreadsheet_safe=request.spreadsheet_safe)
     else:
         with ended_by_signals(), new_export(Path(out), [folder], format, request.level) as export:
             print_notes(*(f"warning: {problem}" for problem in export.problems))
             with export.here.open("xb") as file:
-                exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
-    return _tell_problems(exporter.problems, selection.problems)
+                write_records(source, format, file, spreadsheet_safe=request.spreadsheet_safe)
+    return _tell_problems(source.problems, selection.problems)
 
 
 @contextmanager

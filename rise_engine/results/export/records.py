@@ -16,7 +16,6 @@ from typing import Any, BinaryIO, Literal, TypeAlias
 import msgspec
 
 from rise_engine.kernel.records import AnyRecord, identity_of
-from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.format import ExportContext, ExportFormat
@@ -62,55 +61,24 @@ COLUMNS = (
 """The table's columns. All are always there, in this order; new ones may only be added at the end."""
 
 
-class SessionExport:
-    """The readable records of one session. They are written one after the other, so a session can have any length.
+def write_records(
+    source: SessionRecords, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False
+) -> None:
+    """Write the readable records of one session, one after the other, so that it can have any length.
 
-    >>> from io import BytesIO
-    >>> from tempfile import TemporaryDirectory
-    >>> from rise_engine.kernel.records import NoteRecord
-    >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
-    >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
-    >>> out = BytesIO()
-    >>> with TemporaryDirectory() as folder:
-    ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
-    ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
-    ...     export = SessionExport(Path(folder))
-    ...     export.write("jsonl", out)
-    >>> out.getvalue()
-    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine","stood":null,"suspended":false}\\n'
-    >>> len(export.problems)  # there is no session.toml
-    1
+    :param source: the session.
+    :param format: `jsonl`, one record a line as in the journal but without checksums, or `csv`, a table with COLUMNS
+        (RFC 4180, UTF-8; times in seconds).
+    :param out: a binary file open for writing, which is flushed but not closed.
+    :param spreadsheet_safe: as in `ExportContext`.
+    :raises OSError: writing fails.
     """
-
-    def __init__(
-        self,
-        folder: Path,
-        *,
-        level: ExportLevel = "full",
-        private: Iterable[str] = (),
-        wizards: Mapping[str, str] | None = None,
-    ) -> None:
-        """Read the session in `folder`. Parameters and errors as for `SessionRecords`."""
-        self._records = SessionRecords(folder, level=level, private=private, wizards=wizards)
-        self.name = self._records.name
-        """The session's name as the level shows it."""
-        self.problems = self._records.problems
-        """Sentences about what could not be read."""
-
-    def write(self, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False) -> None:
-        """Write the records to `out`, a binary file open for writing. It is flushed but not closed.
-
-        `format`: `jsonl`, one record a line as in the journal but without checksums, or `csv`, a table with COLUMNS
-        (RFC 4180, UTF-8; times in seconds). `spreadsheet_safe`: as in `ExportContext`. Raises OSError when writing
-        fails.
-        """
-        records = self._records.read()
-        if format == "csv":
-            table = _Table(out, spreadsheet_safe=spreadsheet_safe)
-            table.add(records, {"session": self._records.name, "mode": self._records.mode})
-        else:
-            _write_lines(records, out)
-        out.flush()
+    if format == "csv":
+        table = _Table(out, spreadsheet_safe=spreadsheet_safe)
+        table.add(source.read(), {"session": source.name, "mode": source.mode})
+    else:
+        _write_lines(source.read(), out)
+    out.flush()
 
 
 class _Table:
