@@ -76,7 +76,7 @@ class StudyCheck(Struct, frozen=True):
     blocks: bool = True
     """Whether a failure blocks the session, unless somebody skips the check with a reason."""
     limit: float | None = None
-    """Seconds that it may take (`limit = "2min"`). None: its kind's default (`rise_engine.checks.limit_seconds`)."""
+    """Seconds that it may take (`limit = "2min"`). None: its kind's default (`rise_engine.checks.runner`)."""
 
 
 class RecorderSettings(Struct, frozen=True):

@@ -12,7 +12,8 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import FileError, SessionError, StudyError
 from rise_engine.base.files import is_locked
-from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
+from rise_engine.checks.outcome import CheckContext, CheckOutcome
+from rise_engine.checks.runner import append_checked, run_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.results.report.document import Document
@@ -28,6 +29,7 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, turn_warning
+from rise_engine.study.checks import pending_checks
 from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants

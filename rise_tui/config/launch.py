@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
+from rise_engine.checks.outcome import CheckContext, CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.results.report.document import Document
 from rise_engine.run.protocol.client import AttachReply, Client
@@ -25,6 +25,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Condition, KeyBinding, Scenario
 from rise_engine.scenario.reading.conditions import conditions_in
 from rise_engine.scenario.reading.robot_profiles import DEFAULT_ROBOT, robot_names
+from rise_engine.study.checks import PendingCheck
 from rise_engine.study.model import OutcomeStatus, PlannedRun, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
 

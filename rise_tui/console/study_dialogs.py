@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 from textual.app import App
 
 from rise_engine.base.errors import StudyError
-from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
+from rise_engine.checks.outcome import CheckContext, CheckOutcome
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.run.protocol.client import AttachReply
+from rise_engine.study.checks import PendingCheck
 from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_tui.config.launch import RecoveredClient, ReportProgress, SessionPreview, SessionRequest, StudySource
 from rise_tui.config.preferences import abbreviate_home

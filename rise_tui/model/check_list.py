@@ -7,17 +7,10 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.checks import (
-    CheckOutcome,
-    PendingCheck,
-    answer_check,
-    check_text,
-    kept_check,
-    report_check,
-    skip_problem,
-    skipped_check,
-)
+from rise_engine.checks.outcome import CheckOutcome, answer_check, kept_check, skipped_check
+from rise_engine.checks.runner import report_check
 from rise_engine.kernel.inputs import CheckReport
+from rise_engine.study.checks import PendingCheck, check_text, skip_problem
 from rise_engine.study.model import Purpose, StudyCheck
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, cell_width, crop, fit, fixed_span, wrap
 

@@ -16,7 +16,7 @@ from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 
-from rise_engine.checks import CheckOutcome
+from rise_engine.checks.outcome import CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList

@@ -9,7 +9,7 @@ from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
-from rise_engine.checks import CheckContext
+from rise_engine.checks.outcome import CheckContext
 from rise_engine.study.model import Study, StudyCheck
 from rise_engine.study.planning import plan_study
 from rise_engine.study.study_log import LogEntry

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.checks import run_check
 from rise_engine.checks.kinds import KEPT, look_at_explored
+from rise_engine.checks.runner import run_check
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.plan import planned_run
 from rise_engine.study.session_kinds import SessionKind

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.checks import run_check
 from rise_engine.checks.programs import first_line, run_program
+from rise_engine.checks.runner import run_check
 from rise_engine.study.checks import program_problem
 from rise_engine.study.model import StudyCheck
 from tests.checks.samples import context, is_gone, script, study

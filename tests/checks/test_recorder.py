@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from rise_engine.checks import CheckContext, run_check
 from rise_engine.checks.devices import look_at_recorders
-from rise_engine.checks.outcome import Finding
+from rise_engine.checks.outcome import CheckContext, Finding
 from rise_engine.checks.programs import ChildRequest
+from rise_engine.checks.runner import run_check
 from rise_engine.ports.recorder import RecorderStatus
 from rise_engine.study.model import RecorderSettings, RecordingSettings, StudyCheck
 from tests.run.recording.recorders import ScriptedRecorder, hang, refuse

@@ -10,8 +10,8 @@ from threading import Event
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.checks import CheckContext, CheckOutcome, append_checked, report_check, run_check
-from rise_engine.checks.runner import call_in_background, limit_seconds
+from rise_engine.checks.outcome import CheckContext, CheckOutcome
+from rise_engine.checks.runner import append_checked, call_in_background, limit_seconds, report_check, run_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.study_log import read_log

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import rise_adapters
 
-from rise_engine.checks import CheckContext, run_check
 from rise_engine.checks.devices import look_at_robot
+from rise_engine.checks.outcome import CheckContext
 from rise_engine.checks.programs import ChildRequest
+from rise_engine.checks.runner import run_check
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.study.model import Study, StudyCheck
 from tests.cli.processes import folder

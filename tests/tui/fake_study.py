@@ -10,11 +10,12 @@ from typing import Any
 from msgspec.structs import replace
 
 from rise_engine.base.errors import StudyError
-from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
+from rise_engine.checks.outcome import CheckContext, CheckOutcome
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.results.report.document import Document, Paragraph, Section
 from rise_engine.scenario.model import KeyBinding
+from rise_engine.study.checks import PendingCheck
 from rise_engine.study.model import (
     AssignmentSettings,
     CellStanding,

@@ -14,24 +14,12 @@ from typing import Literal, Protocol
 from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.checks import (
-    CheckContext,
-    CheckOutcome,
-    PendingCheck,
-    answer_check,
-    append_checked,
-    check_text,
-    kept_check,
-    pending_checks,
-    report_check,
-    run_check,
-    skip_problem,
-    skipped_check,
-)
+from rise_engine.checks.outcome import CheckContext, CheckOutcome, answer_check, kept_check, skipped_check
+from rise_engine.checks.runner import append_checked, report_check, run_check
 from rise_engine.cli.terminal import Refused, print_notes
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
-from rise_engine.study.checks import made_after
+from rise_engine.study.checks import PendingCheck, check_text, made_after, pending_checks, skip_problem
 from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.study_log import read_log
 

@@ -11,7 +11,7 @@ import click
 import msgspec
 
 from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
-from rise_engine.checks import CheckContext
+from rise_engine.checks.outcome import CheckContext
 from rise_engine.cli.options import CHECK_OPTIONS, HERE, JSON, STUDY, STUDY_OR_HERE, options
 from rise_engine.cli.study.checks import CheckOptions, gather_check_reports, read_check_options
 from rise_engine.cli.terminal import print_lines, print_notes, refusing, show, table_lines

@@ -6,7 +6,7 @@ import shlex
 
 from msgspec.structs import replace
 
-from rise_engine.checks import CheckContext
+from rise_engine.checks.outcome import CheckContext
 from rise_engine.cli.options import resolve_study_folder
 from rise_engine.cli.study.checks import CheckOptions, gather_check_reports
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_notes

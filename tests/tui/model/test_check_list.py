@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.checks import CheckOutcome
+from rise_engine.checks.outcome import CheckOutcome
 from rise_engine.study.model import Purpose, StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList
 from rise_tui.rendering.text import plain_text
