@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import mkdtemp
 from textwrap import wrap
@@ -20,7 +19,7 @@ from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
-from rise_engine.syntax.toml import toml_key
+from rise_engine.syntax.toml import toml_key, toml_value
 
 
 class NewStudy(Struct, frozen=True):
@@ -108,14 +107,15 @@ def study_toml_text(new: NewStudy) -> str:
         "# words what is wrong with it. Once there is a plan, what the plan is made of stays:",
         "# seed, n, scenario, factors, assignment, strata. The id stays too, once there is a session.",
         "",
-        f"title    = {_text(study.title)}",
-        f"id       = {_text(study.id)}  # letters and digits: a part of file names",
+        f"title    = {toml_value(study.title)}",
+        f"id       = {toml_value(study.id)}  # letters and digits: a part of file names",
         f"seed     = {study.seed}  # the plan is drawn from it; any whole number",
         f"n        = {study.n}  # complete participants that you want",
         *(f"# {line}" for name, source in new.sources.items() for line in _copy_lines(name, source)),
-        f"scenario = {_text(study.scenario)}  # the folder with acts and rules",
-        f"mode     = {_text(study.mode)}  # real: with the robot; debug: everything is simulated, and nothing counts",
-        *([f"robot    = {_text(study.robot)}"] if study.robot else []),
+        f"scenario = {toml_value(study.scenario)}  # the folder with acts and rules",
+        f"mode     = {toml_value(study.mode)}  "
+        "# real: with the robot; debug: everything is simulated, and nothing counts",
+        *([f"robot    = {toml_value(study.robot)}"] if study.robot else []),
         "",
         *_factor_lines(new),
         *_assignment_lines(study),
@@ -153,14 +153,14 @@ def _factor_lines(new: NewStudy) -> Iterable[str]:
         yield "# levels.no.memory = { hesitation = false }"
     for factor in new.study.factors:
         yield f"[factors.{factor.name}]"
-        yield f"kind = {_text(factor.kind)}"
+        yield f"kind = {toml_value(factor.kind)}"
         if factor.name in new.label_only:
             yield "label_only = true  # people make the difference"
         for level in factor.levels:
             yield _level_line(level)
         labels = {level.name: level.label for level in factor.levels if level.label}
         if labels:
-            yield f"labels = {_table(labels)}"
+            yield f"labels = {toml_value(labels)}"
         yield ""
     if not new.study.factors:
         yield ""
@@ -175,8 +175,8 @@ def _level_line(level: Level) -> str:
         values["scenario"] = level.scenario
     if len(values) == 1:
         name, value = next(iter(values.items()))
-        return f"{key}.{name} = {_value(value)}"
-    return f"{key} = {_table(values)}"
+        return f"{key}.{name} = {toml_value(value)}"
+    return f"{key} = {toml_value(values)}"
 
 
 def _assignment_lines(study: Study) -> Iterable[str]:
@@ -185,21 +185,21 @@ def _assignment_lines(study: Study) -> Iterable[str]:
     if any(factor.kind == "between" for factor in study.factors):
         yield "# blocks: in each block, every cell comes equally often, as often as one of the numbers in"
         yield "# `block`, which is drawn. Others: minimise, random, list (plan.csv is yours)."
-        yield f"between = {_text(settings.between)}"
-        yield f"block   = {_value(list(settings.block))}"
+        yield f"between = {toml_value(settings.between)}"
+        yield f"block   = {toml_value(list(settings.block))}"
     if settings.strata:
-        yield f"strata  = {_value(list(settings.strata))}  # columns of participants.csv; balanced in each"
+        yield f"strata  = {toml_value(list(settings.strata))}  # columns of participants.csv; balanced in each"
     if any(factor.kind == "within" for factor in study.factors):
         yield "# williams: every level comes at every place, and behind every other one, equally often."
         yield "# Others: latin, all, fixed, random."
-        yield f"within  = {_text(settings.within)}"
+        yield f"within  = {toml_value(settings.within)}"
     yield f"spare   = {settings.spare:g}  # rows of the plan beyond n, for those who drop out"
-    yield f"hidden  = {_value(settings.hidden)}  # true: the condition is hidden until the session begins"
+    yield f"hidden  = {toml_value(settings.hidden)}  # true: the condition is hidden until the session begins"
     yield ""
     if study.strata:
         yield "[strata]"
         for column, values in study.strata.items():
-            yield f"{column} = {_value(list(values))}"
+            yield f"{column} = {toml_value(list(values))}"
         yield ""
 
 
@@ -207,7 +207,7 @@ def _consent_lines(study: Study) -> Iterable[str]:
     yield "[consent]"
     columns = ", ".join(f"consent_{name}" for name in study.consent)
     why = f"  # without a date in {columns} no session with them begins" if columns else ""
-    yield f"needed = {_value(list(study.consent))}{why}"
+    yield f"needed = {toml_value(list(study.consent))}{why}"
     yield ""
 
 
@@ -217,13 +217,13 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
     yield "# fails keeps the session from beginning, unless blocks = false stands there."
     for check in checks:
         yield "[[check]]"
-        yield f"id = {_text(check.id)}"
+        yield f"id = {toml_value(check.id)}"
         if check.ask:
-            yield f"ask = {_text(check.ask)}"
+            yield f"ask = {toml_value(check.ask)}"
         if check.auto:
-            yield f"auto = {_text(check.auto)}"
+            yield f"auto = {toml_value(check.auto)}"
         if check.minimum:
-            yield f"min = {_text(check.minimum)}"
+            yield f"min = {toml_value(check.minimum)}"
         if check.when == "after":
             yield 'when = "after"'
         yield ""
@@ -268,22 +268,3 @@ def _participants_lines(study: Study) -> Iterable[str]:
     example |= {f"consent_{name}": "2026-11-21" for name in study.consent}
     columns = header_line(study).split(",")
     yield f"# So that a line is: {','.join(example.get(column, '') for column in columns)}"
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _value(value: Json) -> str:
-    """Write a value in TOML, in one line."""
-    if isinstance(value, Mapping):
-        return _table(value)
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return json.dumps(value, ensure_ascii=False)
-
-
-def _table(values: Mapping[str, Json]) -> str:
-    if not values:
-        return "{}"
-    return f"{{ {', '.join(f'{toml_key(key)} = {_value(value)}' for key, value in values.items())} }}"
