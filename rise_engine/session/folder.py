@@ -137,8 +137,6 @@ def create_session(
     seed: int,
     faults: tuple[str, ...],
     connection: RosConnection = _ANY_CONNECTION,
-    participant: str = "",
-    condition: str = "",
     wizard: str = "",
     begun: SessionStarted | None = None,
     language: str = "",
@@ -147,11 +145,11 @@ def create_session(
 ) -> Path:
     """Make the folder of a new session, without its journal. `files` as in `LoadResult.files`. Raises SessionError.
 
-    `begun`: the first input of a study's session; it replaces participant and condition.
+    `begun`: its first input.
     `language`, `allow_untranslated`: as for loading the scenario.
     """
     started = datetime.now().astimezone()
-    begun = begun or SessionStarted(participant=participant, condition=condition)
+    begun = begun or SessionStarted()
     real = scenario.mode == "real"  # participants' data must not name the people who run the session
     info = SessionInfo(
         title=scenario.title,

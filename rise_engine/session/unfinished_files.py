@@ -13,6 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from rise_engine.base.files import sync, take_lock
@@ -80,14 +81,13 @@ def _locked_folder(path: Path) -> tuple[Path, int]:
         os.close(lock)
 
 
-def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
+def erase_unfinished(path: Path) -> list[Path]:
     """Erase the leftovers of killed programs that were writing to `path`.
 
     :param path: the final place.
-    :param erase: erases a folder; None: it is deleted.
     :return: the folders that were left because a program is writing in them.
     """
-    return _erase_unlocked(find_leftovers(path), erase)
+    return _erase_unlocked(find_leftovers(path), partial(shutil.rmtree, ignore_errors=True))
 
 
 def find_leftovers(path: Path) -> list[Path]:
@@ -101,8 +101,8 @@ def find_leftovers(path: Path) -> list[Path]:
         return []
 
 
-def erase_all_unfinished(root: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
-    """Do the same as `erase_unfinished` for everything below a folder. Raises OSError if `erase` does."""
+def erase_all_unfinished(root: Path, erase: Callable[[Path], object]) -> list[Path]:
+    """Do the same as `erase_unfinished` for everything below a folder, by `erase`. Raises OSError if that does."""
     found: list[Path] = []
     for where, folders, _ in os.walk(root):
         found += [Path(where, name) for name in folders if _IS_UNFINISHED.fullmatch(name)]
@@ -110,7 +110,7 @@ def erase_all_unfinished(root: Path, erase: Callable[[Path], object] | None = No
     return _erase_unlocked(found, erase)
 
 
-def _erase_unlocked(folders: Iterable[Path], erase: Callable[[Path], object] | None) -> list[Path]:
+def _erase_unlocked(folders: Iterable[Path], erase: Callable[[Path], object]) -> list[Path]:
     busy: list[Path] = []
     for work in folders:
         try:
@@ -120,10 +120,8 @@ def _erase_unlocked(folders: Iterable[Path], erase: Callable[[Path], object] | N
         try:
             if not _is_free(lock):
                 busy.append(work)
-            elif erase is not None:
-                erase(work)
             else:
-                shutil.rmtree(work, ignore_errors=True)
+                erase(work)
         finally:
             os.close(lock)
     return busy

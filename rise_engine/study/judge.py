@@ -58,9 +58,7 @@ def judge_session(
     return target
 
 
-def reassign_session(
-    open: OpenStudy, session: str, participant: str, reason: str, *, source: str = COMMAND_LINE
-) -> Reassignment:
+def reassign_session(open: OpenStudy, session: str, participant: str, reason: str) -> Reassignment:
     """Give a session that was run under the wrong participant to the one who took part.
 
     The plan's row goes with it if it fits the participant and was not used otherwise. The log records this; the
@@ -70,7 +68,6 @@ def reassign_session(
     :param session: the name of its folder.
     :param participant: the one who took part.
     :param reason: why.
-    :param source: who decides.
     :return: the new assignment.
     :raises StudyError: with every reason against it.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be written.
@@ -107,7 +104,7 @@ def reassign_session(
         "run": entry.run,
         "attempt": 1 + max(counted, default=0),
         "reason": reason.strip(),
-        "source": source,
+        "source": COMMAND_LINE,
     }
     written = open.log.append("reassigned", **fields)
     if slot is not None:
@@ -137,13 +134,12 @@ def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) 
     return row.slot, ""
 
 
-def exclude_participant(open: OpenStudy, participant: str, reason: str, *, source: str = COMMAND_LINE) -> int | None:
+def exclude_participant(open: OpenStudy, participant: str, reason: str) -> int | None:
     """Record that a participant no longer counts. Their row goes to the next one of their stratum.
 
     :param open: the study, locked.
     :param participant: who is excluded.
     :param reason: why.
-    :param source: who decides.
     :return: the row that becomes free; None: they held none.
     :raises StudyError: with every reason against it.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be written.
@@ -162,7 +158,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     if problems:
         raise StudyError(*problems)
     slot = state.places.slots.get(participant)
-    open.log.append("excluded", participant=participant, slot=slot, reason=reason.strip(), source=source)
+    open.log.append("excluded", participant=participant, slot=slot, reason=reason.strip(), source=COMMAND_LINE)
     return slot
 
 

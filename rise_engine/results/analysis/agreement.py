@@ -11,10 +11,9 @@ and Shrout and Fleiss 1979 (ICC), Bland and Altman 1986 (limits of agreement).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Sequence
-from itertools import combinations
+from collections.abc import Hashable, Sequence
 from math import exp, fsum, lgamma, log, log1p, sqrt
-from typing import Literal, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 from msgspec import Struct
 
@@ -22,7 +21,6 @@ from rise_engine.results.analysis.statistics import Z_95, wilson_interval
 
 Value = TypeVar("Value", bound=Hashable)
 Pair: TypeAlias = tuple[Value, Value]
-Scale: TypeAlias = Literal["nominal", "interval"]
 
 NOTHING_SHARED = "nothing was judged by two of them"
 _NO_ERROR = 1e-6
@@ -116,12 +114,11 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     )
 
 
-def krippendorff_alpha(units: Sequence[Sequence[Value | None]], scale: Scale = "nominal") -> Estimate:
-    """Compute Krippendorff's alpha for any number of raters, even if some have not judged everything.
+def krippendorff_alpha(units: Sequence[Sequence[Value | None]]) -> Estimate:
+    """Compute Krippendorff's alpha of nominal values for any number of raters, even if some have not judged everything.
 
     It is 1 minus the observed disagreement divided by the disagreement expected if the given values were assigned by
-    chance; 0 is chance, 1 is perfect. Two values disagree by 0 or 1 (nominal), or by the square of their difference
-    (interval, for numbers only).
+    chance; 0 is chance, 1 is perfect.
 
     :param units: for each unit one value of each rater, None where there is none. Units with fewer than two values are
         left out.
@@ -131,25 +128,18 @@ def krippendorff_alpha(units: Sequence[Sequence[Value | None]], scale: Scale = "
     paired = [values for values in paired if len(values) > 1]
     if not paired:
         return Estimate(why=NOTHING_SHARED)
-    differ = _difference_of(scale)
     given = Counter(value for values in paired for value in values)
     total = sum(given.values())
-    observed = fsum(_disagreement(Counter(values), differ) / (len(values) - 1) for values in paired) / total
-    expected = _disagreement(given, differ) / (total * (total - 1))
+    observed = fsum(_disagreement(Counter(values)) / (len(values) - 1) for values in paired) / total
+    expected = _disagreement(given) / (total * (total - 1))
     if expected == 0:
         return Estimate(n=len(paired), why=_one_category(next(iter(given))))
     return Estimate(value=1 - observed / expected, n=len(paired))
 
 
-def _difference_of(scale: Scale) -> Callable[[Value, Value], float]:
-    if scale == "nominal":
-        return lambda first, second: float(first != second)
-    return lambda first, second: (first - second) ** 2  # type: ignore[operator]
-
-
-def _disagreement(counts: Counter[Value], differ: Callable[[Value, Value], float]) -> float:
-    """Sum the differences over all ordered pairs of the counted values."""
-    return 2 * fsum(counts[first] * counts[second] * differ(first, second) for first, second in combinations(counts, 2))
+def _disagreement(counts: Counter[Value]) -> int:
+    """Count the ordered pairs of values that differ."""
+    return sum(counts.values()) ** 2 - sum(count**2 for count in counts.values())
 
 
 def _one_category(value: object) -> str:

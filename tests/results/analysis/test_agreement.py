@@ -153,7 +153,6 @@ def test_nothing_judged_gives_a_sentence_and_no_number() -> None:
 
 def test_alpha_is_that_of_krippendorff_himself() -> None:
     assert krippendorff_alpha(RELIABILITY).value == pytest.approx(0.743421, abs=SIX)
-    assert krippendorff_alpha(RELIABILITY, "interval").value == pytest.approx(0.849107, abs=SIX)
     assert krippendorff_alpha(RELIABILITY).n == 11  # the twelfth unit has one value
 
 
@@ -167,14 +166,6 @@ def test_alpha_is_that_of_krippendorff_himself() -> None:
 )
 def test_alpha_is_that_of_the_library(judged: list[tuple[str | None, ...]], alpha: float) -> None:
     assert krippendorff_alpha(judged).value == pytest.approx(alpha, abs=SIX)
-
-
-def test_alpha_of_numbers_is_that_of_the_library() -> None:
-    columns = [times(TIMES_ANNA), times(TIMES_BEN), times(TIMES_CARL)]
-    assert krippendorff_alpha(list(zip(*columns, strict=True)), "interval").value == pytest.approx(0.765677, abs=SIX)
-    last = [None if index % 6 == 1 else each for index, each in enumerate(columns[2])]
-    missing: list[tuple[float | None, ...]] = list(zip(columns[0], columns[1], last, strict=True))
-    assert krippendorff_alpha(missing, "interval").value == pytest.approx(0.776385, abs=SIX)
 
 
 # --- ICC --------------------------------------------------------------------------------------------------------------
