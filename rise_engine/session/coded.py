@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import make_private_folder, write_private_file
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, read_coded_document, replace_words
-from rise_engine.session.media import change_list, list_bytes, read_list
+from rise_engine.session.media import change_list, list_bytes, read_list, with_item
 
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
 MAX_BYTES = 200_000_000
@@ -97,16 +97,13 @@ def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
     :return: whether it replaced a file.
     :raises SessionError: it cannot be written.
     """
-    before: list[CodedFile] = []
 
     def put(files: list[CodedFile]) -> list[CodedFile]:
-        before.extend(each for each in files if each.name == file.name)
         make_private_folder(folder / CODED_FOLDER)
         write_private_file(folder / CODED_FOLDER / file.name, data)
-        return [file if each.name == file.name else each for each in files] if before else [*files, file]
+        return with_item(files, file, "name")
 
-    change_list(folder / CODED_FILE, CodedFile, put)
-    return bool(before)
+    return bool(change_list(folder / CODED_FILE, CodedFile, put))
 
 
 def remove_coded(folder: Path, name: str) -> None:

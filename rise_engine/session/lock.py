@@ -178,20 +178,25 @@ def running_message(folder: Path, holder: LockHolder | None) -> str:
 
 
 @contextmanager
-def one_at_a_time(sessions: Path) -> Iterator[None]:
-    """Let engines that begin a session take turns, so that each one sees which sessions the others run.
+def one_at_a_time(folder: Path, busy: str = "", seconds: float = TRIES * TRY_SECONDS) -> Iterator[None]:
+    """Let programs take turns in a folder: engines that begin a session, so that each one sees which sessions the
+    others run, and programs that change a list.
 
-    Hold this only to look and to lock. Raises SessionError.
+    Hold this only to look and to lock, or to write what takes milliseconds.
+
+    :param busy: says that another program has the folder. Empty: an engine that begins a session.
+    :param seconds: how long to wait for it.
+    :raises SessionError: another program has it all that time.
     """
     try:
-        descriptor = os.open(sessions, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    except OSError:  # the next attempt to make a folder here reports the error
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError:  # the next attempt to write here reports the error
         yield
         return
     try:
-        with suppress(OSError):  # folders on NFS cannot be locked; the journals still can
-            if not wait_until(lambda: take_lock(descriptor), TRIES * TRY_SECONDS, TRY_SECONDS):
-                raise SessionError(f"another engine is just beginning a session in {sessions}; try again")
+        with suppress(OSError):  # folders on NFS cannot be locked: the last program that writes wins
+            if not wait_until(lambda: take_lock(descriptor), seconds, TRY_SECONDS):
+                raise SessionError(busy or f"another engine is just beginning a session in {folder}; try again")
         yield
     finally:
         os.close(descriptor)

@@ -6,8 +6,7 @@ media time = offset + rate * session time          (both in seconds)
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar
 
@@ -15,8 +14,9 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.files import error_message, sync, take_lock, wait_until, write_whole
+from rise_engine.base.files import error_message, sync, write_whole
 from rise_engine.ports.recorder import MediaKind
+from rise_engine.session.lock import one_at_a_time
 
 WAIT_SECONDS = 10.0
 """How long to wait for another program that is writing the list, which takes milliseconds."""
@@ -45,36 +45,37 @@ def list_bytes(items: Sequence[object]) -> bytes:
     return msgspec.json.format(msgspec.json.encode(items), indent=1) + b"\n"
 
 
-def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], list[_Item]]) -> None:
-    """Replace a list by the result of `change`, in one step.
+def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], list[_Item]]) -> list[_Item]:
+    """Replace a list by the result of `change`, in one step. Returns the items that are not in it any more.
 
     :param path: the file.
     :param item: the type of its items.
     :param change: gets the current list.
     :raises SessionError: it cannot be read or written. Nothing is changed then.
     """
+    busy = f"{path} is held by another program: try again"
     try:
-        with _locked(path):
-            data = list_bytes(change(list(read_list(path, item))))
-            write_whole(path, data)
+        with one_at_a_time(path.parent, busy, WAIT_SECONDS):  # locks the folder, so that no file is left behind
+            before = list(read_list(path, item))
+            after = change(before)
+            write_whole(path, list_bytes(after))
             sync(path.parent)
+            return [each for each in before if not any(each is other for other in after)]
     except UnicodeError:
         raise SessionError("a path or name is not a text that can be written: give that file another name") from None
     except OSError as problem:
         raise SessionError(f"{path} cannot be written: {error_message(problem)}") from None
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Lock the list against other programs. The lock is on the folder, so that it leaves no file behind."""
-    descriptor = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        with suppress(OSError):  # without locks, the last program that writes wins
-            if not wait_until(lambda: take_lock(descriptor), WAIT_SECONDS):
-                raise SessionError(f"{path} is held by another program: try again")
-        yield
-    finally:
-        os.close(descriptor)
+def with_item(items: list[_Item], new: _Item, key: str) -> list[_Item]:
+    """Return a list with a new item, in the place of the first one with the same value of an attribute, or at the end.
+
+    :param key: the attribute's name.
+    """
+    same = [each for each in items if getattr(each, key) == getattr(new, key)]
+    if not same:
+        return [*items, new]
+    return [new if each is same[0] else each for each in items if not any(each is other for other in same[1:])]
 
 
 MEDIA_FILE = "media.json"
@@ -156,16 +157,8 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
     :raises SessionError: the list cannot be read or written. Nothing is changed then.
     """
     file = msgspec.structs.replace(file, path=stored_path(folder, file.path))
-    before: list[MediaFile] = []
-
-    def put(files: list[MediaFile]) -> list[MediaFile]:
-        before.extend(each for each in files if each.path == file.path)
-        if not before:
-            return [*files, file]
-        return [file if each is before[0] else each for each in files if each not in before[1:]]
-
-    change_list(folder / MEDIA_FILE, MediaFile, put)
-    return before[0] if before else None
+    replaced = change_list(folder / MEDIA_FILE, MediaFile, lambda files: with_item(files, file, "path"))
+    return replaced[0] if replaced else None
 
 
 def remove_media(folder: Path, named: str) -> MediaFile:
@@ -176,14 +169,12 @@ def remove_media(folder: Path, named: str) -> MediaFile:
     :return: the removed entry.
     :raises SessionError: no file or several files match, or the list cannot be written. Nothing is changed then.
     """
-    removed: list[MediaFile] = []
 
     def take_out(files: list[MediaFile]) -> list[MediaFile]:
-        removed.append(find_media(folder, files, named))
-        return [each for each in files if each is not removed[0]]
+        found = find_media(folder, files, named)
+        return [each for each in files if each is not found]
 
-    change_list(folder / MEDIA_FILE, MediaFile, take_out)
-    return removed[0]
+    return change_list(folder / MEDIA_FILE, MediaFile, take_out)[0]
 
 
 def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:

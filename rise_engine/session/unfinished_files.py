@@ -18,7 +18,8 @@ from pathlib import Path
 
 from rise_engine.base.files import sync, take_lock
 
-_CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK})
+_CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EACCES})
+"""Errors of file systems without links, such as exFAT."""
 
 
 @contextmanager
@@ -47,7 +48,7 @@ def unfinished(path: Path) -> Iterator[Path]:
         here = work / path.name
         yield here
         _secure(here)
-        _put(here, path)
+        move_new(here, path)
         sync(path.parent)
 
 
@@ -158,21 +159,24 @@ def _secure(made: Path) -> None:
     made.chmod(0o700)
 
 
-def _put(here: Path, path: Path) -> None:
-    """Move the result into place. A link, unlike a rename, never replaces an existing file."""
-    if here.is_dir():
-        if os.path.lexists(path):
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-        here.rename(path)
-        return
-    try:
-        os.link(here, path)
-    except OSError as error:
-        if error.errno not in _CANNOT_LINK:
-            raise
-        if os.path.lexists(path):
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
-        here.rename(path)
+def move_new(here: Path, path: Path) -> None:
+    """Move a file or folder to a place where nothing is. A link, unlike a rename, never replaces an existing file.
+
+    :raises FileExistsError: something is there.
+    :raises OSError: it cannot be moved.
+    """
+    if not here.is_dir():
+        try:
+            os.link(here, path)
+        except OSError as error:
+            if error.errno not in _CANNOT_LINK:
+                raise
+        else:
+            here.unlink()
+            return
+    if os.path.lexists(path):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    here.rename(path)
 
 
 def has_other_names(path: Path) -> bool:

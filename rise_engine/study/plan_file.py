@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import errno
 import io
-import os
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,6 +16,7 @@ from rise_engine.base.errors import StudyError
 from rise_engine.base.files import Disk, error_message
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.session.unfinished_files import move_new
 from rise_engine.study.chance import SEEDS
 from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
 from rise_engine.study.model import Slot, Study
@@ -26,7 +25,6 @@ from rise_engine.study.plan import factors_of, runs, slot_seed
 PLAN_FILE = "plan.csv"
 NEW_PLAN_FILE = "plan.csv.new"
 """A new plan that is not in its place yet."""
-_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EACCES, errno.EMLINK)
 
 
 class PlanLoad(Struct, frozen=True):
@@ -95,24 +93,12 @@ def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
     disk = disk or Disk()
     new, path = folder / NEW_PLAN_FILE, folder / PLAN_FILE
     try:
-        _name_without_replacing(new, path)
+        move_new(new, path)
         disk.sync_folder(folder)
     except FileExistsError:
         raise StudyError(f"{path} exists already; a plan is never overwritten") from None
     except OSError as error:
         raise StudyError(f"{path} cannot be written: {error_message(error)}") from None
-
-
-def _name_without_replacing(new: Path, path: Path) -> None:
-    """Rename a file, unless the new name is taken."""
-    try:
-        os.link(new, path)
-    except OSError as error:
-        if error.errno not in _NO_LINKS or path.exists():
-            raise
-        new.rename(path)  # for file systems without links, such as exFAT
-    else:
-        new.unlink()
 
 
 def set_plan_aside(folder: Path) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from sys import intern
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeAlias, TypeVar, cast
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -49,17 +49,8 @@ CUE = "markCue"
 START_RULE = "startInteractionRule"
 
 
-class Request(Protocol):
-    """A task as far as its cause is concerned: a `TaskRecord` or a `TaskView`."""
-
-    @property
-    def id(self) -> int: ...
-    @property
-    def source(self) -> str: ...
-    @property
-    def cause(self) -> int | None: ...
-
-
+Request: TypeAlias = TaskRecord | TaskView
+"""A task as far as its cause is concerned."""
 R = TypeVar("R", bound=Request)
 
 
