@@ -19,10 +19,9 @@ from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding, make
 from rise_engine.checks.programs import KINDS, ChildRequest, look_in_child, look_with_program
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
-from rise_engine.scenario.model import Json
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.recording_table import RecordingDecision, decide_recording
-from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.sessions import SESSIONS, checked_fields
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LockedLog
 
@@ -235,16 +234,7 @@ def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport
     :param report: its result.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
-    fields: dict[str, Json] = {
-        "id": report.id,
-        "when": check.when,
-        "text": report.text,
-        "result": report.result,
-        "value": report.value,
-        "reason": report.reason,
-        "source": report.source,
-        "purpose": context.purpose,
-    }
+    fields = checked_fields(report, check.when, context.purpose)
     if check.valid is None:  # a check that stays valid belongs to no participant: it outlives a withdrawal
         fields |= {"participant": context.participant, "run": context.run}
     if context.session:

@@ -24,7 +24,7 @@ from rise_engine.session.lock import JournalLock
 from rise_engine.session.recovery import read_clock
 from rise_engine.study.labels import SESSIONS as SESSIONS
 from rise_engine.study.labels import Reassignment, copied_sessions, reassignments, session_differences, session_folders
-from rise_engine.study.model import SessionEntry
+from rise_engine.study.model import Purpose, SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 from rise_engine.study.traces import is_withdrawn, returned_sessions
 from rise_engine.study.verdict import read_checks, read_verdict
@@ -250,7 +250,17 @@ def missing_entries(
         told = read_checks(session.path, after) if after else {}
         made = {_text(each, "id") for each in log if each.kind == "checked" and each.get("session") == session.name}
         missing += [
-            MissingEntry("checked", checked_fields(entry, told[id])) for id in after if id in told.keys() - made
+            MissingEntry(
+                "checked",
+                {
+                    **checked_fields(told[id], "after", entry.purpose),
+                    "participant": entry.participant,
+                    "run": entry.run,
+                    "session": entry.folder,
+                },
+            )
+            for id in after
+            if id in told.keys() - made
         ]
         if report is None and session.abandoned and entry.status == "unfinished":
             report = OutcomeReport(status="aborted", reason=GIVEN_UP)
@@ -279,20 +289,17 @@ def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
     }
 
 
-def checked_fields(entry: SessionEntry, report: CheckReport) -> dict[str, Json]:
-    """Return the fields of the log's entry of a check after a session, reported to the session itself."""
+def checked_fields(report: CheckReport, when: str, purpose: Purpose) -> dict[str, Json]:
+    """Return the fields of the log's entry of a check. Those of the participant and the session follow them."""
     return {
         "id": report.id,
-        "when": "after",
+        "when": when,
         "text": report.text,
         "result": report.result,
         "value": report.value,
         "reason": report.reason,
         "source": report.source,
-        "purpose": entry.purpose,
-        "participant": entry.participant,
-        "run": entry.run,
-        "session": entry.folder,
+        "purpose": purpose,
     }
 
 

@@ -40,7 +40,8 @@ def read_verdict(path: Path) -> Verdict:
     """
     try:
         with (path / JOURNAL).open("rb") as file:
-            return Verdict(_last_outcome(file), _last_time(file))
+            outcomes = (each for each in _inputs_from_end(file, _OUTCOME) if isinstance(each, OutcomeReport))
+            return Verdict(next(outcomes, None), _last_time(file))
     except OSError:
         return Verdict(None, 0.0)
 
@@ -52,10 +53,9 @@ def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
     :param ids: the ids of the checks.
     """
     found: dict[str, CheckReport] = {}
-    with suppress(OSError), (path / JOURNAL).open("rb") as file:
-        for input in _inputs_from_end(file, _CHECK):
-            if isinstance(input, CheckReport) and input.id in ids:
-                found.setdefault(input.id, input)
+    for report in _check_reports(path):
+        if report.id in ids:
+            found.setdefault(report.id, report)
     return found
 
 
@@ -65,11 +65,14 @@ def check_results(path: Path) -> dict[str, frozenset[str]]:
     :param path: the session's folder.
     """
     found: dict[str, set[str]] = {}
-    with suppress(OSError), (path / JOURNAL).open("rb") as file:
-        for input in _inputs_from_end(file, _CHECK):
-            if isinstance(input, CheckReport):
-                found.setdefault(input.id, set()).add(input.result)
+    for report in _check_reports(path):
+        found.setdefault(report.id, set()).add(report.result)
     return {id: frozenset(results) for id, results in found.items()}
+
+
+def _check_reports(path: Path) -> Iterator[CheckReport]:
+    with suppress(OSError), (path / JOURNAL).open("rb") as file:
+        yield from (each for each in _inputs_from_end(file, _CHECK) if isinstance(each, CheckReport))
 
 
 class Recovery(NamedTuple):
@@ -112,10 +115,6 @@ def _records_in(lines: Iterable[bytes]) -> list[AnyRecord]:
             if not isinstance(read, JournalHeader | InputLine):
                 found.append(read)
     return found
-
-
-def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
-    return next((each for each in _inputs_from_end(file, _OUTCOME) if isinstance(each, OutcomeReport)), None)
 
 
 def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:

@@ -15,7 +15,6 @@ https://bids-specification.readthedocs.io/en/v1.11.1/modality-specific-files/beh
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -40,7 +39,7 @@ from rise_engine.results.export.bids_tables import (
     trial_columns,
 )
 from rise_engine.results.export.course_tables import ACTS
-from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, new_file
 from rise_engine.results.export.session_tables import factor_column
 from rise_engine.results.export.table_schema import UNSAFE, Column, Row
 from rise_engine.results.export.trial_tables import told_answers
@@ -295,7 +294,7 @@ class _Dataset:
 
     def _copy(self, source: Path, target: Path) -> None:
         make_private_folder(target.parent)
-        with source.open("rb") as file, os.fdopen(_open_new(target), "wb") as copy:
+        with source.open("rb") as file, new_file(target) as copy:
             shutil.copyfileobj(file, copy)
 
     def _write_table(self, path: Path, columns: Columns, rows: Iterable[Any]) -> None:
@@ -309,7 +308,7 @@ class _Dataset:
 
     def _write_bytes(self, path: Path, data: bytes) -> None:
         make_private_folder(path.parent)
-        with os.fdopen(_open_new(path), "wb") as file:
+        with new_file(path) as file:
             file.write(data)
 
 
@@ -326,10 +325,6 @@ def write_bids(folder: Path, sessions: Iterable[SessionData], context: ExportCon
     for data in sessions:
         dataset.add(data)
     dataset.close()
-
-
-def _open_new(path: Path) -> int:
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
 
 
 FORMAT = ExportFormat(

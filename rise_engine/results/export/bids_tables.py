@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from datetime import datetime
 from typing import Any, TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.results.analysis.course import seconds_without_engine, wall_seconds
-from rise_engine.results.analysis.model import PlayedAct, SessionData
+from rise_engine.results.analysis.model import PlayedAct, SessionData, seconds_between
 from rise_engine.results.export.course_tables import ACTS
+from rise_engine.results.export.format import started_text
 from rise_engine.results.export.session_tables import FACTS, SESSIONS
-from rise_engine.results.export.table_schema import MARKS, Column, Row, TableSchema, Value, between, seconds
+from rise_engine.results.export.table_schema import MARKS, Column, Row, TableSchema, Value, seconds
 from rise_engine.results.export.trial_tables import TRIALS, declared_column
 
 Columns: TypeAlias = Mapping[str, Column]
@@ -122,10 +122,8 @@ ACT_COLUMNS: Columns = _picked(
 
 def _local_time(row: Row) -> str:
     """Return the local time without a zone, as in BIDS. Empty where the level shows none."""
-    try:
-        return datetime.fromisoformat(row.data.facts.started).replace(tzinfo=None).isoformat(timespec="milliseconds")
-    except ValueError:
-        return ""
+    started = row.data.facts.started
+    return started_text(started, lambda at: at.replace(tzinfo=None).isoformat(timespec="milliseconds"))
 
 
 def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
@@ -169,7 +167,7 @@ class _EventRow(Struct, kw_only=True, frozen=True):
 
 
 def _duration(row: Row) -> float | None:
-    lasted = between(row.of.onset, row.of.end)
+    lasted = seconds_between(row.of.onset, row.of.end)
     return None if lasted is None else max(0.0, lasted)
 
 

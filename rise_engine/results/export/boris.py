@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
 
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.export.format import ExportContext, ExportFormat
+from rise_engine.results.export.format import ExportContext, ExportFormat, started_text
 from rise_engine.results.export.media_clock import (
     Annotation,
     MediaClock,
@@ -301,10 +300,7 @@ def _candidates(name: str, category: str) -> Iterator[str]:
 
 def _date(started: str) -> str:
     """Return the local time without a zone, as in BORIS."""
-    try:
-        return datetime.fromisoformat(started).replace(tzinfo=None).isoformat(timespec="seconds")
-    except ValueError:
-        return NO_DATE
+    return started_text(started, lambda at: at.replace(tzinfo=None).isoformat(timespec="seconds")) or NO_DATE
 
 
 FORMAT = ExportFormat(

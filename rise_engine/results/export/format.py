@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
+from datetime import datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import BinaryIO, Literal, TypeAlias
 
 from msgspec import Struct, field
 
@@ -63,6 +65,19 @@ HAS_WITHDRAWN = "its participant has withdrawn"
 
 class ExportError(RiseError):
     """An export or a bundle cannot be made or read; a sentence, or several lines."""
+
+
+def new_file(path: Path) -> BinaryIO:
+    """Open a new file for its owner alone. Raises OSError."""
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "wb")
+
+
+def started_text(started: str, write: Callable[[datetime], str]) -> str:
+    """Write when a session began, in the form of a format. Empty where the level shows no dates."""
+    try:
+        return write(datetime.fromisoformat(started))
+    except ValueError:
+        return ""
 
 
 class ExportFormat(Struct, frozen=True):

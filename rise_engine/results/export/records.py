@@ -7,7 +7,6 @@ nothing is invented.
 from __future__ import annotations
 
 import csv
-import os
 from codecs import getwriter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,7 +17,7 @@ import msgspec
 from rise_engine.kernel.records import AnyRecord, identity_of
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.session_records import SessionRecords
-from rise_engine.results.export.format import ExportContext, ExportFormat
+from rise_engine.results.export.format import ExportContext, ExportFormat, new_file
 from rise_engine.results.export.table_schema import safe_cell
 from rise_engine.session.journal_format import encode_record
 
@@ -120,20 +119,16 @@ def _facts_in_rows(facts: SessionFacts) -> dict[str, Any]:
 
 
 def _write_csv(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
-    with _create(path) as out:
+    with new_file(path) as out:
         table = _Table(out, spreadsheet_safe=context.spreadsheet_safe)
         for data in sessions:
             table.add(data.records, _facts_in_rows(data.facts))
 
 
 def _write_jsonl(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
-    with _create(path) as out:
+    with new_file(path) as out:
         for data in sessions:
             _write_lines(data.records, out)
-
-
-def _create(path: Path) -> BinaryIO:
-    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "wb")
 
 
 CSV = ExportFormat(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from rise_engine.kernel.records import ENGINE
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.analysis.statistics import Summary, share_over, summarise
+from rise_engine.results.export.format import started_text
 from rise_engine.results.export.table_schema import (
     ALIGNMENTS,
     CHECK_RESULTS,
@@ -79,10 +79,7 @@ def _stops(row: Row) -> int:
 
 
 def _started(row: Row) -> str:
-    try:
-        return datetime.fromisoformat(row.data.facts.started).isoformat(timespec="milliseconds")
-    except ValueError:
-        return ""
+    return started_text(row.data.facts.started, lambda at: at.isoformat(timespec="milliseconds"))
 
 
 FACTS = (

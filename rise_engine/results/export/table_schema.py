@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.results.analysis.course import interruption_between, seconds_without_engine, wall_seconds
-from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.model import SessionData, seconds_between
 
 STATUS = {
     "PENDING": "still waiting: the record ends before its turn",
@@ -245,7 +245,7 @@ def numbering(name: str) -> Column:
 
 def span(start: str, end: str) -> Value:
     """Get the seconds from one attribute of the row's subject to another."""
-    return lambda row: between(getattr(row.of, start), getattr(row.of, end))
+    return lambda row: seconds_between(getattr(row.of, start), getattr(row.of, end))
 
 
 def outage(start: str, end: str) -> Value:
@@ -274,7 +274,7 @@ def wall_column(name: str, ends: Callable[[Row], tuple[float | None, float | Non
     def value(row: Row) -> float | None:
         start, end = ends(row)
         return wall_seconds(
-            between(start, end), seconds_without_engine(row.data.outages, start, end), row.data.facts.speed
+            seconds_between(start, end), seconds_without_engine(row.data.outages, start, end), row.data.facts.speed
         )
 
     about = f"{name} by the wall clock, as wall_s; empty: as in session time."
@@ -308,11 +308,6 @@ def outage_columns(what: str, start: str, end: str, away: Value | None = None) -
         ),
         interrupted("interrupted", what, interruption(start, end)),
     )
-
-
-def between(earlier: float | None, later: float | None) -> float | None:
-    """Return the seconds from one time to another. None: one of them is not known."""
-    return None if earlier is None or later is None else round(later - earlier, 6)
 
 
 def resource(table: TableSchema, columns: Sequence[Column], size: int, digest: str) -> dict[str, Any]:

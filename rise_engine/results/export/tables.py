@@ -9,10 +9,10 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from msgspec.structs import replace
 
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.export.course_tables import ACTIONS, ACTS, CODED, CUES, EVENTS, PHASES
-from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, new_file
 from rise_engine.results.export.session_tables import CHECKS, FACTS, OF_SESSION, RECORDINGS, SESSIONS, factor_column
 from rise_engine.results.export.table_schema import (
     SAFE,
@@ -211,8 +211,7 @@ class _OpenTable:
         """For each column whose type is that of its values, the type so far."""
         self._has_line_ends = False
         self.path = folder / schema.file
-        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-        self.file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="")
+        self.file = TextIOWrapper(new_file(self.path), encoding="utf-8", errors="backslashreplace", newline="")
         self._rows = csv.writer(self.file, lineterminator="\n")
         self._rows.writerow([column.name for column in self.columns])
 
@@ -295,9 +294,10 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
         for each in described
         if each.has_line_ends
     ]
-    _write_new(path / PACKAGE, package)
-    _write_new(path / SPSS_FILE, spss_text(described).encode())
-    _write_new(path / R_FILE, r_text(described).encode())
+    program_files = {SPSS_FILE: spss_text(described).encode(), R_FILE: r_text(described).encode()}
+    for name, data in ({PACKAGE: package} | program_files).items():
+        with new_file(path / name) as file:
+            file.write(data)
 
 
 def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
@@ -323,12 +323,6 @@ def _add_answers(
         values = [{cells[each.session][place] for each in sessions} for place in places]
         same = [next(iter(each)) if len(each) == 1 else "" for each in values]
         table.add_row([*same, *(cell(column.of(row)) for column in answers.columns)])
-
-
-def _write_new(path: Path, data: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(data)
 
 
 FORMAT = ExportFormat(

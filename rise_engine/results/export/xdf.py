@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,7 +22,7 @@ from rise_engine.base.text import escape_surrogates
 from rise_engine.results.analysis.course import records_by_wall_clock
 from rise_engine.results.analysis.markers import describe_session, recorded_markers, source_id
 from rise_engine.results.analysis.model import SessionData, SessionFacts
-from rise_engine.results.export.format import ExportContext, ExportFormat
+from rise_engine.results.export.format import ExportContext, ExportFormat, started_text
 from rise_engine.session.journal_format import encode_record
 
 MAGIC = b"XDF:"
@@ -99,11 +98,8 @@ def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
 
 def _file_time(facts: SessionFacts) -> dict[str, str]:
     """Return the time of recording in LabRecorder's form, if the level shows it."""
-    try:
-        moment = datetime.fromisoformat(facts.started)
-        return {"datetime": f"{moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond // 1000:03d}{moment:%z}"}
-    except ValueError:
-        return {}
+    told = started_text(facts.started, lambda at: f"{at:%Y-%m-%dT%H:%M:%S}.{at.microsecond // 1000:03d}{at:%z}")
+    return {"datetime": told} if told else {}
 
 
 def _write_samples(file: BinaryIO, stream: int, samples: Sequence[Sample]) -> None:
