@@ -39,7 +39,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.session.folder import read_info
 from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 
 info, contents = read_info(folder), read_journal(folder / "journal.jsonl")
 inputs = [found.input for _, _, found in contents.lines() if isinstance(found, InputLine)]

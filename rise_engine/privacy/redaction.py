@@ -29,7 +29,8 @@ from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo
 from rise_engine.session.journal_format import InputLine, encode_line
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
-from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
+from rise_engine.session.replay import Replay, require_inputs
+from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.session.shadow import SHADOW_FOLDER, replace_words, shadow_files
 from rise_engine.session.unfinished_files import has_other_names
 

@@ -18,7 +18,7 @@ from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord
 from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 
 _WORD = re.compile(r"[^\W\d_][^\W_]*(?:[-'’][^\W\d_][^\W_]*)*")
 _ADDRESS = re.compile(r"[\w.+-]+@[\w-]+(?:\.[\w-]+)+|\+?\d[\d /-]{6,}\d")

@@ -22,7 +22,8 @@ from rise_engine.session.folder import JOURNAL, SessionInfo, has_ended, read_inf
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
 from rise_engine.session.lock import JournalLock
-from rise_engine.session.replay import Replay, load_session_scenario
+from rise_engine.session.replay import Replay
+from rise_engine.session.scenario_copies import load_session_scenario
 
 CLOCK = "clock"
 _LATEST = 1e9

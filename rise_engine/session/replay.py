@@ -22,10 +22,10 @@ from rise_engine.kernel.inputs import TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import JOURNAL, SessionInfo, load_scenario_copy, read_info, spoken_as
+from rise_engine.session.folder import JOURNAL, SessionInfo, read_info, spoken_as
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback
-from rise_engine.session.scenario_copies import offer_changed
+from rise_engine.session.scenario_copies import load_session_scenario, offer_changed
 
 NO_RECORD = "(no record)"
 """Replaces the field when a whole record exists on one side only."""
@@ -142,25 +142,6 @@ def require_inputs(contents: JournalContents) -> None:
     lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
     if lost is not None:
         raise SessionError(f"{contents.path}: {lost}. {CANNOT_REPLAY}")
-
-
-def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
-    """Load the session's copy of the scenario, or the scenario's own folder if it is still the same."""
-    try:
-        return load_scenario_copy(folder, info)
-    except SessionError as error:
-        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode, **spoken_as(info))
-        found = loaded.scenario
-        if found is None or found.hash != info.scenario_hash:
-            raise SessionError(
-                f"{error}. The scenario's own folder ({info.scenario_folder}) does not help: "
-                + ("it cannot be loaded" if found is None else "it was changed since")
-            ) from None
-        notes.append(
-            f"the session's copy of the scenario is missing or was changed; {info.scenario_folder} is still the same "
-            "and was used"
-        )
-        return replace(found, title=info.title, folder=info.scenario_folder)
 
 
 class RecordedLine(Struct, frozen=True):

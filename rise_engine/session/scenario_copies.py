@@ -55,6 +55,25 @@ def remove_copy(copy: Path) -> None:
         shutil.rmtree(copy)
 
 
+def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
+    """Load the session's copy of the scenario, or the scenario's own folder if it is still the same."""
+    try:
+        return load_scenario_copy(folder, info)
+    except SessionError as error:
+        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode, **spoken_as(info))
+        found = loaded.scenario
+        if found is None or found.hash != info.scenario_hash:
+            raise SessionError(
+                f"{error}. The scenario's own folder ({info.scenario_folder}) does not help: "
+                + ("it cannot be loaded" if found is None else "it was changed since")
+            ) from None
+        notes.append(
+            f"the session's copy of the scenario is missing or was changed; {info.scenario_folder} is still the same "
+            "and was used"
+        )
+        return replace(found, title=info.title, folder=info.scenario_folder)
+
+
 def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) -> Scenario:
     """Load the scenario that a session took over.
 

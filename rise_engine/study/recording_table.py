@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, TypeVar, cast
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -63,9 +63,10 @@ _TAKEN = frozenset({"lsl", "marks", "recorders"})
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}\Z")
 _CONSENT = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _OPTION = re.compile(r"`([^`]+)`")
-_SCOPES = ("machine", "link", "site")
-_PAYLOADS = ("short", "json")
-_MEDIA = ("sound", "flash")
+_SCOPES: tuple[Literal["machine", "link", "site"], ...] = ("machine", "link", "site")
+_PAYLOADS: tuple[Literal["short", "json"], ...] = ("short", "json")
+_MEDIA: tuple[Literal["sound", "flash"], ...] = ("sound", "flash")
+_Choice = TypeVar("_Choice", bound=str)
 
 
 def read_recording(study: TomlTable, folder: Path) -> RecordingSettings:
@@ -160,11 +161,8 @@ def _read_markers(table: TomlTable) -> MarkerSettings | None:
         table.report_value("wrong-type", "lsl", '`lsl` is true or false, or a table: lsl = { scope = "machine" }')
         return None
     settings = table.section("lsl", ("scope", "payload"))
-    scope, payload = _choose(settings, "scope", _SCOPES), _choose(settings, "payload", _PAYLOADS)
-    return MarkerSettings(
-        scope="link" if scope == "link" else "site" if scope == "site" else "machine",
-        payload="json" if payload == "json" else "short",
-    )
+    scope = read_choice(settings, "scope", _SCOPES, "machine")
+    return MarkerSettings(scope, read_choice(settings, "payload", _PAYLOADS, "short"))
 
 
 def _read_sync(table: TomlTable) -> SyncSettings | None:
@@ -175,7 +173,7 @@ def _read_sync(table: TomlTable) -> SyncSettings | None:
         table.report_value("wrong-type", "sync", '`sync` is true or false, or a table: sync = { medium = "sound" }')
         return None
     settings = table.section("sync", ("start", "end", "medium", "play"))
-    medium = _choose(settings, "medium", _MEDIA)
+    medium = read_choice(settings, "medium", _MEDIA, "sound")
     play = settings.read_texts("play", ())
     if play and not any("{file}" in each for each in play):
         message = '`play` is a program that plays a sound, with {file} for it: play = ["aplay", "{file}"]'
@@ -185,17 +183,19 @@ def _read_sync(table: TomlTable) -> SyncSettings | None:
     return SyncSettings(
         start=settings.read("start", bool, True),
         end=settings.read("end", bool, True),
-        medium="flash" if medium == "flash" else "sound",
+        medium=medium,
         play=play,
     )
 
 
-def _choose(table: TomlTable, key: str, known: tuple[str, ...]) -> str:
-    value = table.read(key, str, known[0])
-    if value not in known:
+def read_choice(table: TomlTable, key: str, known: tuple[_Choice, ...], usual: _Choice) -> _Choice:
+    """Read one of a few words."""
+    value: Any = table.read(key, str, usual)
+    found = next((each for each in known if each == value), None)
+    if found is None:
         near = did_you_mean(value, known, limit=0)
         table.report_value("wrong-value", key, f"`{key}` is one of {in_backquotes(known)}, not `{value}`{near}")
-    return str(value)
+    return found or usual
 
 
 # --- whether a session is recorded ------------------------------------------------------------------------------------

@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any, TypeVar
 
 from msgspec import Struct
 
-from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.files.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader
@@ -22,7 +21,7 @@ from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, Wi
 from rise_engine.study.plan import PLAN_COLUMNS, cells, rows_wanted, runs, with_hashes
 from rise_engine.study.publishing import read_report
 from rise_engine.study.questionnaires import read_questionnaires
-from rise_engine.study.recording_table import read_recording
+from rise_engine.study.recording_table import read_choice, read_recording
 from rise_engine.study.study_scenarios import check_levels, load_scenarios, read_factors
 
 TOP_KEYS = (
@@ -57,7 +56,6 @@ RESERVED_COLUMNS = ("participant", "status", "comment")
 """Columns of participants.csv that every study has."""
 CONSENT_PREFIX = "consent_"
 _RETAINED = ("media", "sessions")
-_Choice = TypeVar("_Choice", bound=str)
 
 
 class StudyLoad(Struct, frozen=True):
@@ -272,10 +270,10 @@ class _StudyReader:
             )
             spare = usual.spare
         return AssignmentSettings(
-            between=_read_choice(table, "between", BETWEEN, usual.between),
+            between=read_choice(table, "between", BETWEEN, usual.between),
             block=self.read_block(table),
             strata=tuple(column for column in dict.fromkeys(named) if column in strata),
-            within=_read_choice(table, "within", WITHIN, usual.within),
+            within=read_choice(table, "within", WITHIN, usual.within),
             spare=float(spare),
             hidden=table.read("hidden", bool, False),
         )
@@ -394,12 +392,3 @@ def _values_problem(values: tuple[str, ...]) -> str:
         if value in values[:at]:
             return f"has the value `{value}` twice"
     return "" if len(values) > 1 else 'has two values or more: language = ["de", "en"]'
-
-
-def _read_choice(table: TomlTable, key: str, known: tuple[_Choice, ...], usual: _Choice) -> _Choice:
-    value: Any = table.read(key, str, usual)
-    found = next((each for each in known if each == value), None)
-    if found is None:
-        near = did_you_mean(value, known, limit=0)
-        table.report_value("wrong-value", key, f"`{key}` is one of {in_backquotes(known)}, not `{value}`{near}")
-    return found or usual

@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -54,23 +55,22 @@ def study_of_session(session: Path) -> Path | None:
 
 def wizard_names(study: Path | None) -> dict[str, str]:
     """Return the code of each wizard in exports from `[wizards]` in study.toml, even if other parts have errors."""
-    if study is None:
-        return {}
-    try:
-        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("wizards")
-    except (OSError, ValueError):
-        return {}
-    return {name: str(each) for name, each in found.items()} if isinstance(found, dict) else {}
+    return {name: str(each) for name, each in _written(study, "wizards").items()} if study is not None else {}
 
 
 def questionnaire_files(study: Path) -> set[str]:
     """Return the files of questionnaires in study.toml, relative to the study, even if other parts have errors."""
-    try:
-        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("questionnaire")
-    except (OSError, ValueError):
-        return set()
-    tables = found.values() if isinstance(found, dict) else ()
+    tables = _written(study, "questionnaire").values()
     return {os.path.normpath(str(each["file"])) for each in tables if isinstance(each, dict) and "file" in each}
+
+
+def _written(study: Path, table: str) -> dict[str, Any]:
+    """Read a table of study.toml unchecked. Empty where there is none."""
+    try:
+        found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get(table)
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def folders_in(sessions: Path) -> list[Path]:

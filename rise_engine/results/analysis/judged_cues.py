@@ -27,7 +27,7 @@ from rise_engine.results.analysis.course import interruption_between
 from rise_engine.results.analysis.model import InterruptionKind, SessionData, SessionFacts, actor_of
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.session.folder import read_info
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.session.shadow import (
     NO_ANSWERS,
     SHADOW_FOLDER,

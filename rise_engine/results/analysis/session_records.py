@@ -21,7 +21,7 @@ from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_reader import JournalContents, read_journal
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.study.labels import reassignment_of, refuse_relabelled
 
 _KEPT_SCENARIOS = 4

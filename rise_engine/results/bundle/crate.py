@@ -211,6 +211,20 @@ CRATE = "https://w3id.org/ro/crate/1.1"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 PROGRAM = "#rise-tui"
 Entity: TypeAlias = dict[str, Any]
+_DESCRIPTOR: Entity = {
+    "@id": METADATA,
+    "@type": "CreativeWork",
+    "conformsTo": {"@id": CRATE},
+    "about": {"@id": "./"},
+}
+_PROFILE: Entity = {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
+_PROGRAM: Entity = {
+    "@id": PROGRAM,
+    "@type": "SoftwareApplication",
+    "name": "rise-tui",
+    "description": "Runs human-robot interaction studies from a terminal",
+    "softwareVersion": __version__,
+}
 _FORMATS = {
     ".R": "text/x-r",
     ".csv": "text/csv",
@@ -254,7 +268,7 @@ class CrateContents(Struct, frozen=True):
 
 def metadata_text(root: Path, contents: CrateContents) -> str:
     """Write the metadata of everything in a bundle's folder as JSON."""
-    graph = [_descriptor(), *_dataset(root, contents), *_license(contents), _profile(), _program()]
+    graph = [_DESCRIPTOR, *_dataset(root, contents), *_license(contents), _PROFILE, _PROGRAM]
     graph += [
         {"@id": _author_id(number, each), "@type": "Person", "name": each.name}
         for number, each in enumerate(contents.authors, 1)
@@ -264,29 +278,6 @@ def metadata_text(root: Path, contents: CrateContents) -> str:
     graph.append({"@id": "#team", "@type": "Organization", "name": "The people who ran the study"})
     graph += [_run_of(session, contents) for session in contents.sessions]
     return json.dumps({"@context": f"{CRATE}/context", "@graph": graph}, indent=2, ensure_ascii=False) + "\n"
-
-
-def _descriptor() -> Entity:
-    return {
-        "@id": METADATA,
-        "@type": "CreativeWork",
-        "conformsTo": {"@id": CRATE},
-        "about": {"@id": "./"},
-    }
-
-
-def _profile() -> Entity:
-    return {"@id": PROFILE, "@type": "CreativeWork", "name": "Process Run Crate", "version": "0.5"}
-
-
-def _program() -> Entity:
-    return {
-        "@id": PROGRAM,
-        "@type": "SoftwareApplication",
-        "name": "rise-tui",
-        "description": "Runs human-robot interaction studies from a terminal",
-        "softwareVersion": __version__,
-    }
 
 
 def _dataset(root: Path, contents: CrateContents) -> list[Entity]:

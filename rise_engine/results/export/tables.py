@@ -295,9 +295,9 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
         if each.has_line_ends
     ]
     program_files = {SPSS_FILE: spss_text(described).encode(), R_FILE: r_text(described).encode()}
-    for name, data in ({PACKAGE: package} | program_files).items():
+    for name, content in ({PACKAGE: package} | program_files).items():
         with new_file(path / name) as file:
-            file.write(data)
+            file.write(content)
 
 
 def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:

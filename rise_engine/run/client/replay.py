@@ -14,7 +14,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.run.protocol.client import AttachReply, ClientInput, ControlVerb, EngineGone, Reply, Update
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500

@@ -41,7 +41,7 @@ from rise_engine.run.protocol.client import (
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.session.shadow import (
     Shadow,
     ShadowCue,
