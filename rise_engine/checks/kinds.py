@@ -31,8 +31,8 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.study.model import Study
+from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.review import review_study
-from rise_engine.study.session_kinds import SessionKind, session_kinds
 
 KEPT = ".kinds.json"
 """In the study's folder; hidden, so that it is not published."""
@@ -158,7 +158,7 @@ def look_at_kinds(
     """Explore and play each kind of session for a few seconds at most. Stored results of unchanged ones are used.
 
     :param study: the study, in whose folder the results are stored.
-    :param kinds: from `rise_engine.study.session_kinds`.
+    :param kinds: from `rise_engine.study.participants`.
     :param say: gets a sentence about each kind that takes time.
     """
     folder = Path(study.folder)

@@ -13,7 +13,7 @@ from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checks import PendingCheck, check_text
 from rise_engine.study.model import Purpose, Study, StudyCheck
-from rise_engine.study.session_kinds import SessionKind
+from rise_engine.study.participants import SessionKind
 
 NO = "somebody answered no"
 """The reason of a failed question without a comment."""

@@ -33,7 +33,7 @@ from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checks import program_problem
 from rise_engine.study.model import RecordingSettings
-from rise_engine.study.session_kinds import SessionKind
+from rise_engine.study.participants import SessionKind
 
 TICK_SECONDS = 0.05
 """Interval for noticing that the program has ended while something else still holds its output open."""

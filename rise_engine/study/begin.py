@@ -19,6 +19,7 @@ from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checks import check_text, skip_problem, still_good
 from rise_engine.study.model import (
+    LANGUAGE,
     Participant,
     ParticipantStanding,
     PlannedRun,
@@ -32,8 +33,6 @@ from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyStatus
 
-LANGUAGE = "language"
-"""A factor, stratum or column of this name gives the language that the robot speaks."""
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
 """Purposes of sessions with a person, who must have consented."""
 

@@ -17,6 +17,8 @@ from rise_engine.scenario.model import Json, Mode
 FactorKind: TypeAlias = Literal["between", "within"]
 BetweenMethod: TypeAlias = Literal["blocks", "minimise", "random", "list"]
 WithinMethod: TypeAlias = Literal["williams", "latin", "all", "fixed", "random"]
+LANGUAGE = "language"
+"""A factor, stratum or column of this name gives the language that the robot speaks."""
 
 
 class Level(Struct, frozen=True):

@@ -28,12 +28,17 @@ from rise_engine.study.labels import (
     session_folders,
 )
 from rise_engine.study.model import Participant, Slot, Study
-from rise_engine.study.participants import CONSENT_PREFIX, PARTICIPANTS_FILE, ParticipantsLoad, load_participants
+from rise_engine.study.participants import (
+    CONSENT_PREFIX,
+    PARTICIPANTS_FILE,
+    ParticipantsLoad,
+    check_languages,
+    load_participants,
+)
 from rise_engine.study.plan import make_plan, runs
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
-from rise_engine.study.session_kinds import check_languages
 from rise_engine.study.sessions import MOVED_AWAY, StudySession, read_sessions
 from rise_engine.study.study_log import LOG_FILE, WITHDRAWN_PREFIX, EntryKind, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study

@@ -32,10 +32,9 @@ from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, tur
 from rise_engine.study.checks import pending_checks
 from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
-from rise_engine.study.participants import load_participants
+from rise_engine.study.participants import SessionKind, load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.recording_table import decide_recording, recorders_text
-from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError

@@ -10,8 +10,8 @@ import pytest
 from rise_engine.checks.kinds import KEPT, look_at_explored
 from rise_engine.checks.runner import run_check
 from rise_engine.study.model import StudyCheck
+from rise_engine.study.participants import SessionKind
 from rise_engine.study.plan import planned_run
-from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.study_toml import load_study
 from tests.checks.samples import context
 

@@ -17,7 +17,7 @@ from rise_engine.checks.kinds import KindFinding, MergedFinding, StudyLook, merg
 from rise_engine.cli import main
 from rise_engine.cli.study.planning import look_lines
 from rise_engine.study.model import PlannedRun
-from rise_engine.study.session_kinds import SessionKind, session_kinds
+from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import load_study
 

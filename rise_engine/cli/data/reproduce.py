@@ -19,6 +19,7 @@ from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
 from rise_engine.results.bundle.about import AboutBundle, read_about
+from rise_engine.results.bundle.contents import is_running_program, wheel_in
 from rise_engine.results.bundle.courses import CourseComparison
 from rise_engine.results.bundle.crate import ManifestCheck, fingerprint, opened_bundle
 from rise_engine.results.bundle.derived import (
@@ -29,7 +30,6 @@ from rise_engine.results.bundle.derived import (
     compare_derived,
     sessions_in_order,
 )
-from rise_engine.results.bundle.environment import is_running_program, wheel_in
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.proof import ProvedSession, compared_files, prove_sessions
 from rise_engine.study.state import StudyStatus, read_state

@@ -32,8 +32,8 @@ from rise_engine.cli.options import FOLDER_OR_NONE, JSON, ROBOT, is_study, resol
 from rise_engine.cli.scenario.loading import load_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
 from rise_engine.scenario.model import Scenario
+from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.review import review_study
-from rise_engine.study.session_kinds import SessionKind, session_kinds
 
 _WIDTH = 100
 _MARKS = {"problem": "PROBLEM", "warning": "warning", "remark": "remark"}

@@ -18,12 +18,11 @@ from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
 from rise_engine.study.model import Study
-from rise_engine.study.participants import load_participants
+from rise_engine.study.participants import load_participants, session_kinds
 from rise_engine.study.plan import cells, runs
 from rise_engine.study.planning import last_planned, plan_study
 from rise_engine.study.proof import compared_files, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
-from rise_engine.study.session_kinds import session_kinds
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, load_study

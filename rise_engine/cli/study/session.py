@@ -15,8 +15,8 @@ from rise_engine.kernel.records import Purpose
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.loader import load
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up, turn_warning
+from rise_engine.study.participants import SessionKind
 from rise_engine.study.recording_table import decide_recording, recording_lines
-from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import given_up_fields
 from rise_engine.study.state import StudyStatus, read_state
 

@@ -19,8 +19,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.privacy.sharing import SharedSession
 from rise_engine.privacy.suggestions import suggest_words
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, REQUIREMENTS
-from rise_engine.results.bundle.study_files import GIVEN
+from rise_engine.results.bundle.contents import ENVIRONMENT_FILE, GIVEN, PROGRAM, REQUIREMENTS
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.table_schema import UNSAFE
 from rise_engine.study.model import Participant, Study

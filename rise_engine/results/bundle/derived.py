@@ -22,8 +22,8 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions
+from rise_engine.results.bundle.contents import participants_text
 from rise_engine.results.bundle.crate import METADATA, ManifestCheck, check_manifest, files_in
-from rise_engine.results.bundle.study_files import participants_text
 from rise_engine.results.export.format import ExportError, load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.making import make_study_report

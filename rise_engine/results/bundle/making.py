@@ -26,6 +26,18 @@ from rise_engine.results.bundle.about import (
     readme_text,
     write_about,
 )
+from rise_engine.results.bundle.contents import (
+    ENVIRONMENT_FILE,
+    PROGRAM,
+    copy_scenarios,
+    environment_text,
+    log_text,
+    participants_text,
+    study_text,
+    told_name,
+    wheel_in,
+    write_program,
+)
 from rise_engine.results.bundle.crate import (
     METADATA,
     CrateContents,
@@ -43,8 +55,6 @@ from rise_engine.results.bundle.derived import (
     with_license,
     write_derived,
 )
-from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
-from rise_engine.results.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, LeftOut, load_format
 from rise_engine.results.export.trial_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export

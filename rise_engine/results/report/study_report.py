@@ -50,8 +50,7 @@ from rise_engine.results.report.trials_section import (
     trials_section,
     trials_summary,
 )
-from rise_engine.study.begin import LANGUAGE
-from rise_engine.study.model import Study, StudyStanding
+from rise_engine.study.model import LANGUAGE, Study, StudyStanding
 from rise_engine.study.plan import factors_of
 from rise_engine.study.traces import Withdrawn
 

@@ -16,10 +16,10 @@ from rise_engine.cli import main
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.bundle import crate as bundle_files
 from rise_engine.results.bundle.about import BundleOptions
+from rise_engine.results.bundle.contents import log_text, participants_text, study_text
 from rise_engine.results.bundle.crate import opened_bundle
 from rise_engine.results.bundle.derived import check_bundle
 from rise_engine.results.bundle.making import BundleReport, make_bundle
-from rise_engine.results.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import OpenStudy, read_state

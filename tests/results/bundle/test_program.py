@@ -17,9 +17,9 @@ import rise_exchange
 
 import rise_engine
 import rise_tui
-from rise_engine.results.bundle import environment
+from rise_engine.results.bundle import contents
 from rise_engine.results.bundle.about import PYTHON
-from rise_engine.results.bundle.environment import Wheel, environment_text, program_wheel, wheel_in, write_program
+from rise_engine.results.bundle.contents import Wheel, environment_text, program_wheel, wheel_in, write_program
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_it_lies_in_the_bundle_with_the_versions_of_what_it_needs(wheel: Wheel, 
 def test_where_it_cannot_be_made_the_bundle_says_which_one_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(environment, "program_wheel", lambda: "rise-tui was not installed by pip here")
+    monkeypatch.setattr(contents, "program_wheel", lambda: "rise-tui was not installed by pip here")
     assert write_program(tmp_path) == "rise-tui was not installed by pip here"
     assert (wheel_in(tmp_path), list(tmp_path.iterdir())) == ("", [])
     text = environment_text({"rise-tui": {"0.1.0"}})
