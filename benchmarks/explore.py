@@ -11,8 +11,8 @@ from pathlib import Path
 
 from measure import Report, cpu_seconds
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import main_rule, sessions_of
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Stepper
 from rise_engine.kernel import Kernel

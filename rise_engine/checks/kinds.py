@@ -19,8 +19,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine import __version__
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import QUICK_SECONDS, Exploration, explore, main_rule, quick_bounds
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.playthrough import PlayedThrough, play_through
 from rise_engine.author.explore.situation_graph import FindingLevel
 from rise_engine.author.explore.space import Space

@@ -12,7 +12,7 @@ import click
 from rise_engine.base.exit_status import USAGE
 from rise_engine.cli.terminal import exit_with_usage, refusing
 from rise_engine.ports.bridge import ROS_TRANSPORTS
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 
 Command = TypeVar("Command", bound=Callable[..., Any])

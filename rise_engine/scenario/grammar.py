@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias, get_args
 from msgspec import Struct
 
 from rise_engine.scenario.model import ActOutcome, FunctionName
-from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
+from rise_engine.syntax.xml_writing import ACT_WRAPPERS, RULE_WRAPPERS
 
 ValueKind: TypeAlias = Literal[
     "text", "act", "rule", "state", "states", "event", "expression", "assignment", "delay", "choice", "choices"

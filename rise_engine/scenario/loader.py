@@ -14,15 +14,19 @@ from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.checking.cross_references import check_cross_references, check_failures
-from rise_engine.scenario.checking.diagnostic_ends import with_ends
 from rise_engine.scenario.checking.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
 from rise_engine.scenario.checking.memory_paths import factors_read, keys_read
 from rise_engine.scenario.checking.uses import Use, Uses, uses_in_acts, uses_in_rules
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader, Memo, SourceFile, Value
-from rise_engine.scenario.files.study_paths import why_not_read
+from rise_engine.scenario.files.study_paths import (
+    DEFAULT_PATHS,
+    LEXICON_FILE,
+    SCENARIO_FILE,
+    TEXTS_FOLDER,
+    why_not_read,
+)
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, toml_of
 from rise_engine.scenario.files.tree import FileTree, Held, contents_of_interrupted_save
 from rise_engine.scenario.files.xml import XmlFile, xml_of
@@ -43,6 +47,7 @@ from rise_engine.scenario.reading.suppressions import (
     apply_suppressions,
     memory_suppressions,
     read_suppressions,
+    with_ends,
 )
 from rise_engine.scenario.reading.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
 from rise_engine.scenario.reading.translations import LanguageTexts, TranslationReader, translated_languages

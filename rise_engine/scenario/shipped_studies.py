@@ -17,8 +17,7 @@ from tempfile import mkdtemp
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
-from rise_engine.scenario.files.study_paths import why_none_written
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_none_written
 
 _PACKAGE = Path(__file__).parents[1]
 

@@ -34,7 +34,7 @@ from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import OpenGoal, Purpose, SessionRecord, identity_of
 from rise_engine.ports.bridge import RosConnection, RosTransport
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal_format import FORMAT, LineError, read_line

@@ -17,7 +17,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.files import error_message, make_private_folder, write_private_file
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, ScenarioChanged
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import SCENARIO_COPY, SessionInfo, load_scenario_copy, read_info, spoken_as

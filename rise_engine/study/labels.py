@@ -19,7 +19,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.base.json_codec import encode
-from rise_engine.scenario.files.file_names import STUDY_FILE
+from rise_engine.scenario.files.study_paths import STUDY_FILE
 from rise_engine.session.folder import JOURNAL, info_differences
 from rise_engine.session.labels import (
     CLOCK_TOLERANCE,

@@ -19,8 +19,8 @@ from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_c
 from rise_engine.base.text import pluralize
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
-from rise_engine.scenario.files.file_names import STUDY_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE as PARTICIPANTS_FILE
+from rise_engine.scenario.files.study_paths import STUDY_FILE
 from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario, SourceLocation

@@ -16,8 +16,7 @@ from rise_engine.base.nearest_name import did_you_mean, nearest_name
 from rise_engine.expression import lookup
 from rise_engine.scenario.checking.memory_paths import MemoryPaths
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
-from rise_engine.scenario.files.study_paths import why_not_read
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_not_read
 from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SESSION, Json, Scenario

@@ -10,8 +10,8 @@ from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.files.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader
+from rise_engine.scenario.files.study_paths import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, is_integer, read_toml
 from rise_engine.scenario.files.tree import FileTree, Held
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation

@@ -27,8 +27,8 @@ from rise_engine.base.files import Disk, lines_with
 from rise_engine.base.text import name_some
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
-from rise_engine.scenario.files.file_names import STUDY_FILE as STUDY_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE as PARTICIPANTS_FILE
+from rise_engine.scenario.files.study_paths import STUDY_FILE as STUDY_FILE
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.labels import read_labels

@@ -14,7 +14,7 @@ from msgspec import Struct, field
 from rise_engine.base.errors import SessionError, StudyError
 from rise_engine.base.files import Disk, error_message, tree_hash
 from rise_engine.base.text import name_some
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
 from rise_engine.study.labels import SESSIONS

@@ -18,7 +18,7 @@ from rise_engine.base.exit_status import REFUSED
 from rise_engine.cli.options import ROBOT
 from rise_engine.run.client import connect
 from rise_engine.run.protocol.registry import RegistryError, ask_summary
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
 from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal, not_started, read_key_file

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED
 from rise_engine.cli.arguments import parse_assignments
-from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
+from rise_engine.cli.session.sessions import unfinished_lines, unfinished_sessions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.running_sessions import all_running_sessions
 from rise_engine.run.protocol.registry import RegistryError, ask_summary, find_running, running_names, session_name

@@ -20,7 +20,7 @@ from rise_engine.run.protocol.client import AttachReply, Client
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineStarted
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Condition, KeyBinding, Scenario
 from rise_engine.scenario.reading.conditions import conditions_in

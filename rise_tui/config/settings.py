@@ -7,7 +7,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.run.protocol.session_options import SessionOptions
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.shipped_studies import resolve_study
 from rise_tui.config.preferences import expand_home
 

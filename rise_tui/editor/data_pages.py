@@ -13,7 +13,7 @@ from textual.widget import Widget
 from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.data_fields import (
     Addition,

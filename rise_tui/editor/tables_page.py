@@ -12,7 +12,7 @@ from rise_engine.author.edit.edits import AddRow, AnyEdit, RemoveRow
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.tables import WrittenCells, table_names
 from rise_engine.base.text import clean, pluralize
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE, STUDY_FILE
 from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.table_grid import (
     Grid,

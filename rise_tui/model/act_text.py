@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 from rich.cells import cell_len
 
-from rise_engine.author.drawing.act_graph import ActRow, act_rows
-from rise_engine.author.drawing.act_seconds import estimate_call_seconds
+from rise_engine.author.drawing.act_graph import ActRow, act_rows, estimate_call_seconds
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.speech.spoken import MESSAGE

@@ -12,8 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.author.drawing.conditions import is_met
-from rise_engine.author.drawing.rule_text import ENDINGS, parse_rule_result
+from rise_engine.author.drawing.rule_text import ENDINGS, is_met, parse_rule_result
 from rise_engine.author.drawing.study_keys import ACT, StudyKeys, transitions_of
 from rise_engine.kernel.records import ControlRecord
 from rise_engine.run.protocol.client import ControlVerb

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from math import ceil
 from typing import Any, NamedTuple
 
-from rise_engine.author.drawing.act_seconds import actions_in_order
+from rise_engine.author.drawing.act_graph import actions_in_order
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.scenario.model import Action, KeyBinding, Scenario

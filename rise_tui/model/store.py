@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
-from rise_engine.author.drawing.act_seconds import estimate_act_seconds
+from rise_engine.author.drawing.act_graph import estimate_act_seconds
 from rise_engine.author.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.record_words import words_of

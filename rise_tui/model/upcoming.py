@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from rise_engine.author.drawing.conditions import is_met
-from rise_engine.author.drawing.rule_text import functions_in, wait_text
+from rise_engine.author.drawing.rule_text import functions_in, is_met, wait_text
 from rise_engine.author.drawing.study_keys import ACT, transitions_of
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.wizard_marks import next_filler

@@ -9,8 +9,7 @@ from typing import Any
 
 from rich.cells import cell_len
 
-from rise_engine.author.drawing.conditions import is_met, split_condition
-from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, truth_of, wait_text
+from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, is_met, split_condition, truth_of, wait_text
 from rise_engine.author.drawing.study_keys import ACT, RULE, transitions_of
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView

@@ -10,11 +10,10 @@ from typing import Any
 
 from rise_engine.author.edit.memory import edit_memory_text, memory_file_text
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.saving import write_files
+from rise_engine.author.edit.study_folder import write_files
 from rise_engine.base.json_codec import json_equal
 from rise_engine.kernel.view import MemoryView
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
-from rise_engine.scenario.files.study_paths import why_not_written
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, why_not_written
 from rise_engine.scenario.model import SESSION, Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
 from rise_tui.panes.pane import Pane

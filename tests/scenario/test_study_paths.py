@@ -13,8 +13,7 @@ from click.testing import CliRunner
 
 from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, ReplaceFile, SetSetting
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.saving import finish_interrupted, write_files
-from rise_engine.author.edit.study_folder import read_study_files
+from rise_engine.author.edit.study_folder import finish_interrupted, read_study_files, write_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import StudyError
 from rise_engine.cli import main

@@ -10,7 +10,7 @@ from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.files.xml import XmlFile, read_xml
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.syntax.xml import Element
-from rise_exchange.bml.findings import FORM, NO_ACTION, ConversionFindings
+from rise_exchange.bml.names import FORM, NO_ACTION, ConversionFindings
 from rise_exchange.bml.vocabulary import (
     BEHAVIORS,
     BLOCK,

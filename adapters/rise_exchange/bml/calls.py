@@ -11,10 +11,8 @@ from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.speech.ssml import write_element
 from rise_engine.scenario.speech.template import Template, TemplateError, key_template, parse_template
 from rise_exchange.bml.block_file import BmlElement
-from rise_exchange.bml.core_behavior import MODES, length_of
-from rise_exchange.bml.findings import FORM, NAME, NO_ACTION, TIME, ConversionFindings
-from rise_exchange.bml.names import BmlNames, LexemeKind
-from rise_exchange.bml.sync import milliseconds, read_seconds
+from rise_exchange.bml.core_behavior import MODES, length_of, milliseconds, read_seconds
+from rise_exchange.bml.names import FORM, NAME, NO_ACTION, TIME, BmlNames, ConversionFindings, LexemeKind
 from rise_exchange.bml.timing import BlockTimes, PlannedBehavior
 from rise_exchange.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, DRAFT_NAMESPACES, MARKS, PROSODY, SSML_TYPE
 

@@ -1,4 +1,7 @@
-"""A lab's names in BML: its targets, as points, and its lexemes, as what the robot does (`--names FILE`)."""
+"""What a conversion needs and collects: a lab's names in BML (`--names FILE`), reasons to refuse it, and losses.
+
+Names are those of targets, as points, and of lexemes, as what the robot does.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,59 @@ from typing import Any, Literal, TypeAlias
 from msgspec import Struct, field
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.text import clean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.files.toml_files import TomlTable, read_toml
-from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
+
+TIME = "bml-time"
+"""The code of errors: a time that an act cannot keep exactly."""
+NAME = "bml-name"
+"""The code of errors: an unknown target or lexeme."""
+NO_ACTION = "bml-no-action"
+"""The code of errors: a behaviour without an action for it."""
+FORM = "bml-form"
+"""The code of errors: this is not BML 1.0."""
+
+
+class BmlLoss(Struct, frozen=True):
+    """Something in one format that the other does not have, with the reason.
+
+    >>> str(BmlLoss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
+    'hello.xml:3:5: lost: acts have no prosody'
+    """
+
+    location: SourceLocation
+    message: str
+
+    def __str__(self) -> str:
+        """One line, without control characters for a terminal."""
+        return clean(f"{self.location}: lost: {self.message}")
+
+
+class ConversionFindings:
+    """Collects the reasons to refuse a conversion and its losses. It does not stop at the first one."""
+
+    def __init__(self) -> None:
+        self.diagnostics = Diagnostics()
+        """The reasons to refuse it."""
+        self._losses: list[BmlLoss] = []
+
+    def lose(self, location: SourceLocation, message: str) -> None:
+        """Add something that the other format does not have."""
+        self._losses.append(BmlLoss(location, message))
+
+    @property
+    def losses(self) -> list[BmlLoss]:
+        """The losses in reading order, each once."""
+        return sorted(set(self._losses), key=_reading_order)
+
+
+def _reading_order(loss: BmlLoss) -> tuple[str, int, int, str]:
+    return loss.location.file, loss.location.line, loss.location.column, loss.message
+
 
 LexemeKind: TypeAlias = Literal["head", "gesture", "posture", "face"]
 KINDS: tuple[LexemeKind, ...] = ("head", "gesture", "posture", "face")

@@ -12,10 +12,8 @@ from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Sou
 from rise_engine.scenario.speech.template import Template, parse_template
 from rise_exchange.bml.block_file import BmlElement, read_block
 from rise_exchange.bml.calls import CallReader
-from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior
-from rise_exchange.bml.findings import FORM, NO_ACTION, TIME, ConversionFindings
-from rise_exchange.bml.names import BmlNames
-from rise_exchange.bml.sync import milliseconds, read_seconds
+from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior, milliseconds, read_seconds
+from rise_exchange.bml.names import FORM, NO_ACTION, TIME, BmlNames, ConversionFindings
 from rise_exchange.bml.timing import Beginning, BlockTimes, PlannedBehavior, read_constraint
 from rise_exchange.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, END, START
 

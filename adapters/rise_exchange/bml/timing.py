@@ -15,8 +15,8 @@ from msgspec import Struct
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import SourceLocation
 from rise_exchange.bml.block_file import BmlElement
-from rise_exchange.bml.findings import TIME, ConversionFindings
-from rise_exchange.bml.sync import SyncTime, parse_sync
+from rise_exchange.bml.core_behavior import SyncTime, parse_sync
+from rise_exchange.bml.names import TIME, ConversionFindings
 from rise_exchange.bml.vocabulary import END, INNER_POINTS, MARKS, START
 
 _SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"

@@ -2,13 +2,14 @@
 
 What BML cannot express is in a `<description>` of our own type within the behaviour (BML 1.0 has descriptions for this:
 a program that does not know the type uses the core), or in an element of our namespace. To find out which actions need
-one, the block is read again: actions that come back unchanged need none.
+one, the block is read again: actions that come back unchanged need none. Acts that came from BML are written as files
+of a scenario.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from msgspec.structs import replace
@@ -16,10 +17,11 @@ from msgspec.structs import replace
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Json
+from rise_engine.scenario.speech.ssml import begins_as_ssml
 from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, Template
+from rise_engine.syntax.toml import toml_key
 from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior, point_of, target_name
-from rise_exchange.bml.findings import ConversionFindings
-from rise_exchange.bml.names import BmlNames, TargetPoint
+from rise_exchange.bml.names import BmlNames, ConversionFindings, TargetPoint
 from rise_exchange.bml.reading import read_actions
 from rise_exchange.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESPACE, PRIORITY, SSML_TYPE
 
@@ -227,3 +229,48 @@ def _make_ids(names: Iterable[str]) -> dict[str, str]:
 
 def _quote(value: str) -> str:
     return quoteattr(value, _SAFE)
+
+
+def act_file_text(act: Act, origin: str) -> str:
+    """The text of a file with one act.
+
+    :param origin: the name of its source file.
+    """
+    lines = [
+        f"<!-- Made from {origin.replace('--', '- -').rstrip('-')} (BML 1.0). -->",
+        f"<Dialog name={quoteattr(act.name)}>",
+    ]
+    for action in act.actions:
+        lines += _action_lines(action)
+    return "\n".join((*lines, "</Dialog>", ""))
+
+
+def calling_type_setting(act: str) -> str:
+    """The table of scenario.toml for an act that does not wait for others."""
+    return f'\n[act.{toml_key(act)}]\ncalling_type = "None"\n'
+
+
+def _action_lines(action: Action) -> Iterator[str]:
+    common = [f"<actionID>{escape(action.id)}</actionID>"]
+    if action.wait_for:
+        common.append(f"<waitForActions>{escape(', '.join(action.wait_for))}</waitForActions>")
+    if action.continue_on_failure:
+        common.append("<onFailure>continue</onFailure>")
+    yield ""
+    if len(action.calls) == 1:
+        call = action.calls[0]
+        yield from _element_lines(call.type, [*common, *_parameter_lines(call)], "  ")
+        return
+    variants = [f"<{call.type}>{''.join(_parameter_lines(call))}</{call.type}>" for call in action.calls]
+    yield from _element_lines("Variants", [*common, *variants], "  ")
+
+
+def _element_lines(tag: str, lines: list[str], indent: str) -> list[str]:
+    return [f"{indent}<{tag}>", *(f"{indent}  {line}" for line in lines), f"{indent}</{tag}>"]
+
+
+def _parameter_lines(call: ActionCall) -> list[str]:
+    return [
+        f"<{name}>{template.text if begins_as_ssml(template.text) else escape(template.text)}</{name}>"
+        for name, template in call.parameters.items()
+    ]

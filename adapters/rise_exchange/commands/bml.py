@@ -8,21 +8,19 @@ from pathlib import Path, PurePosixPath
 import click
 from msgspec import Struct
 
-from rise_engine.author.edit.saving import write_files
+from rise_engine.author.edit.study_folder import write_files
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import SCENARIO, STRICT, resolve_scenario, without_file
 from rise_engine.cli.scenario.loading import load_scenario, sound_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, print_notes, write_xml
 from rise_engine.run.protocol.task_file import unknown_name_sentence
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.files.source_files import FileReader, SourceFile
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActSettings, RobotProfile, Scenario
-from rise_exchange.bml.act_files import act_file_text, calling_type_setting
-from rise_exchange.bml.findings import FORM, ConversionFindings
-from rise_exchange.bml.names import BmlNames, read_names
+from rise_exchange.bml.names import FORM, BmlNames, ConversionFindings, read_names
 from rise_exchange.bml.reading import ReadAct, read_act
-from rise_exchange.bml.writing import write_act
+from rise_exchange.bml.writing import act_file_text, calling_type_setting, write_act
 
 _NOT_IN_NAME = re.compile(r"[^\w-]")
 _NOT_IN_FILE_NAME = re.compile(r"[^\w.-]")

@@ -17,16 +17,22 @@ from rise_engine.cli.options import SCENARIO, STRICT
 from rise_engine.cli.scenario.loading import sound_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, print_notes
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
 from rise_engine.scenario.files.source_files import FileReader
-from rise_engine.scenario.files.study_paths import why_not_written
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, why_not_written
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
 from rise_engine.scenario.shipped_studies import write_new_folder
-from rise_exchange.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files
 from rise_exchange.scxml.export import export_rule
 from rise_exchange.scxml.limits import find_losses, find_refusals
-from rise_exchange.scxml.rules_file import flattening_notes, rules_text
+from rise_exchange.scxml.rules_file import (
+    called_acts,
+    check_neighbours,
+    file_name,
+    flattening_notes,
+    is_made_file,
+    new_study_files,
+    rules_text,
+)
 from rise_exchange.scxml.rules_of_chart import MadeRules, rules_of_chart
 
 _ENDING = ".scxml"

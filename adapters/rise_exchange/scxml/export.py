@@ -28,8 +28,7 @@ from rise_engine.scenario.model import (
 )
 from rise_exchange.scxml.expressions import assignment_code, condition_code, delay_code, json_code, text_code
 from rise_exchange.scxml.helper_functions import helpers_for
-from rise_exchange.scxml.limits import find_losses
-from rise_exchange.scxml.rule_analysis import RuleAnalysis
+from rise_exchange.scxml.limits import RuleAnalysis, find_losses
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"

@@ -14,8 +14,7 @@ from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.reading.scenario_toml import MAX_LABEL_LENGTH
 from rise_engine.syntax.toml import toml_key
-from rise_exchange.woz4u.annotated_speech import MadeAction, SpeechReader
-from rise_exchange.woz4u.woz4u_file import WozFile, WozItem
+from rise_exchange.woz4u.woz4u_file import MadeAction, SpeechReader, WozFile, WozItem
 
 _FILES = {
     "animated_speech": ("acts/speech.xml", "What the robot says."),

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from rise_engine.author.drawing.conditions import is_met
-from rise_engine.author.drawing.rule_text import events_raised_by, find_what_to_start, functions_of_rule
+from rise_engine.author.drawing.rule_text import events_raised_by, find_what_to_start, functions_of_rule, is_met
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError
 from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic

@@ -16,14 +16,14 @@ from rise_engine.author.edit.memory import memory_file
 from rise_engine.author.edit.plan import EditedText, EditRefused, Files
 from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, decode, read_json
 from rise_engine.base.text import BLANKS
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.reading.element_templates import PATTERNS
 from rise_engine.scenario.reading.memory import LIST_KEY
 from rise_engine.syntax.changes import TextEdit, changed_text
 from rise_engine.syntax.toml import TomlSection
 from rise_engine.syntax.toml_edits import TomlText
 from rise_engine.syntax.xml import XmlSyntaxError, XmlTree, comments_of
-from rise_engine.syntax.xml_format import format_xml
+from rise_engine.syntax.xml_writing import format_xml
 
 _WIDTH = 100
 """Maximum columns of a memory value on one line."""

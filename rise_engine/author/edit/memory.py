@@ -23,7 +23,7 @@ from rise_engine.base.json_codec import (
     to_plain,
 )
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.reading.memory import LIST_KEY, is_writable_key
 from rise_engine.syntax.changes import TextEdit, changed_text
 

@@ -23,11 +23,10 @@ from rise_engine.author.edit.outline import WrittenAct, WrittenRule, WrittenUse
 from rise_engine.author.edit.plan import EditRefused, Files, Plan, Splice, StudyState
 from rise_engine.author.edit.translations import follow_act
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
 from rise_engine.syntax.xml_layout import DEFAULT_UNIT, gap_behind, gap_in, has_own_lines, lead_start, removal, wrap
-from rise_engine.syntax.xml_writing import NewElement, set_attributes, set_value
+from rise_engine.syntax.xml_writing import ACT_WRAPPERS, RULE_WRAPPERS, NewElement, set_attributes, set_value
 
 
 def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:

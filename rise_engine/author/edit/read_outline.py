@@ -28,7 +28,7 @@ from rise_engine.scenario.files.xml import XmlFile, call_of, origin_of, text_pie
 from rise_engine.scenario.grammar import COMMON, FUNCTIONS
 from rise_engine.scenario.loader import WrittenParts
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
+from rise_engine.syntax.xml_writing import ACT_WRAPPERS, RULE_WRAPPERS
 
 _ID = re.compile(r"[^,;\s]+")
 

@@ -23,8 +23,8 @@ from rise_engine.scenario.checking.cross_references import ACT_END_SUFFIXES, eng
 from rise_engine.scenario.checking.uses import Use, UsedKind, Uses
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable
 from rise_engine.scenario.files.xml import count_places
 from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics

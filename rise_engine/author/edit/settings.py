@@ -10,8 +10,7 @@ from rise_engine.author.edit.edits import Edit, RenameSetting, SetSetting
 from rise_engine.author.edit.memory import value_text
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, StudyState
 from rise_engine.author.edit.rename_data import pressed_key_splices
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
-from rise_engine.scenario.files.study_paths import why_no_name
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_no_name
 from rise_engine.syntax.changes import edits_between
 from rise_engine.syntax.toml import KeyPath
 from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_key, set_value

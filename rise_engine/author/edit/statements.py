@@ -29,9 +29,8 @@ from rise_engine.author.edit.edits import (
     SetCall,
     StatementForm,
 )
-from rise_engine.author.edit.outline import WrittenStatement
+from rise_engine.author.edit.outline import ONE_OF, WrittenStatement, call_words, statement_words
 from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
-from rise_engine.author.edit.rule_words import ONE_OF, call_words, statement_words
 from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.model import normal_topic
 from rise_engine.syntax.xml import Element

@@ -17,9 +17,8 @@ from rise_engine.author.edit.edits import (
     SetTransition,
     TransitionForm,
 )
-from rise_engine.author.edit.outline import WrittenRule, WrittenState, WrittenTransition
+from rise_engine.author.edit.outline import WrittenRule, WrittenState, WrittenTransition, transition_words
 from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
-from rise_engine.author.edit.rule_words import transition_words
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.model import normal_topic

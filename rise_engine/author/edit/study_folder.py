@@ -1,4 +1,9 @@
-"""The files of a study's folder, and the study.toml of a folder above it.
+"""Reading and saving the files of a study's folder, and reading the study.toml of a folder above it.
+
+A save writes all files of a change or none, whatever happens on the way. First, new contents are written beside the
+files and made durable. Then a note lists the files that get them. Then they are renamed, and the note is deleted. A
+save that is killed before the note has not happened. After the note, it has: `finish_interrupted` completes it, and
+earlier readers follow the note (`rise_engine.scenario.files.tree`).
 
 The study.toml above belongs to all scenarios of the study, and a plan may have been made from it. An edit of one
 scenario does not change it, but a rename must know what it sets.
@@ -6,18 +11,41 @@ scenario does not change it, but a rename must know what it sets.
 
 from __future__ import annotations
 
+import os
+import stat
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.author.edit.rename_data import Renaming, data_splices
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.base.files import durable_file, sync, write_whole
 from rise_engine.scenario.files.source_files import MAX_BYTES
-from rise_engine.scenario.files.study_paths import RECORDED, SUFFIXES, why_not_read
-from rise_engine.scenario.files.tree import contents_of_interrupted_save
+from rise_engine.scenario.files.study_paths import (
+    RECORDED,
+    SCENARIO_FILE,
+    STUDY_FILE,
+    SUFFIXES,
+    why_none_written,
+    why_not_read,
+    why_not_written,
+)
+from rise_engine.scenario.files.tree import (
+    FRESH,
+    NOTE,
+    SavedFile,
+    contents_of_interrupted_save,
+    fresh_path,
+    read_note,
+    still_to_do,
+    sum_of,
+    sum_on_disk,
+)
+from rise_engine.scenario.shipped_studies import shipped_name
 
 _MOST_FILES = 5_000
 
@@ -126,3 +154,180 @@ def _scenarios(values: dict[str, Any]) -> set[str]:
         for level in levels.values() if isinstance(levels, dict) else ():
             found.add(level.get("scenario") if isinstance(level, dict) else None)
     return {name for name in found if isinstance(name, str)}
+
+
+# --- saving -----------------------------------------------------------------------------------------------------------
+
+
+Reached = Callable[[str], None]
+
+
+def write_files(folder: Path, before: Files, after: Files, *, reached: Reached = lambda step: None) -> tuple[str, ...]:
+    """Write what differs between two states of a study's files: all of it or nothing.
+
+    A link within the study stays a link; its target gets the content. Owner and permissions stay.
+
+    :param folder: the study's folder.
+    :param before: the files on the disk, as far as the caller knows. If they differ, nothing is written.
+    :param reached: gets each step, for tests.
+    :return: the names of the files that were written, made or deleted.
+    :raises EditRefused: the study comes with the program, a study cannot have files of these names (`study_paths`), a
+        file has changed meanwhile, or the disk refuses.
+    """
+    refuse_shipped(folder)
+    names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
+    if not names:
+        return ()
+    if problem := why_none_written(folder, ((name, after.get(name)) for name in names)):
+        raise EditRefused(f"{problem}; nothing was written")
+    _check_unchanged(folder, before, names)
+    note = tuple(SavedFile(name, sum_of(before.get(name)), sum_of(after.get(name))) for name in names)
+    made: list[Path] = []
+    try:
+        _write_fresh(folder, after, names, made, reached)
+        _check_unchanged(folder, before, names)  # writing took some time
+        _write_note(folder, note)
+        reached("wrote the note")
+    except BaseException as error:
+        _clear(folder, names, made)
+        if not isinstance(error, OSError):
+            raise
+        named = os.path.relpath(error.filename, folder) if isinstance(error.filename, str) else str(folder)
+        raise EditRefused(f"{named}: {error.strerror or error}; nothing was written") from None
+    try:
+        _carry_out(folder, note, reached)
+    except OSError as error:
+        raise EditRefused(
+            f"{error.filename or folder}: {error.strerror or error}; the rest is written when the study is opened next"
+        ) from None
+    return tuple(names)
+
+
+def refuse_shipped(folder: Path) -> None:
+    """Refuse a study that comes with the program. :raises EditRefused: it does."""
+    if name := shipped_name(folder):
+        raise EditRefused(
+            f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
+        )
+
+
+def finish_interrupted(folder: Path) -> tuple[str, ...]:
+    """Complete a save that was killed after its note, and delete the leftovers of one that was killed before it.
+
+    Files that somebody has changed since stay unchanged.
+
+    :return: the names of the files that were written now; empty: nothing was interrupted.
+    :raises EditRefused: the disk refuses.
+    """
+    finished: tuple[str, ...] = ()
+    try:
+        with suppress(msgspec.DecodeError, ValueError):  # a note of ours is complete; this is somebody else's file
+            note = read_note(folder)
+            if note is not None:
+                finished = _carry_out(folder, note, lambda step: None)
+        for litter in _litter(folder):
+            litter.unlink(missing_ok=True)
+    except OSError as error:
+        raise EditRefused(f"{error.filename or folder}: {error.strerror or error}") from None
+    return finished
+
+
+def _litter(folder: Path) -> Iterator[Path]:
+    """Yield new contents without a place: in the folder, and where its links lead."""
+    for path in [*folder.rglob("*")]:
+        if path.name.startswith(".") and path.name.endswith(FRESH):
+            yield path
+        elif path.is_symlink() and not why_not_written(folder, path.relative_to(folder).as_posix()):
+            yield fresh_path(Path(os.path.realpath(path)))
+
+
+def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:
+    """Check that no file has changed. :raises EditRefused: one has, or cannot be read."""
+    changed = []
+    for name in names:
+        try:
+            now = sum_on_disk(folder / name)
+        except OSError as error:
+            raise EditRefused(f"{name}: {error.strerror or error}; nothing was written") from None
+        if now != sum_of(before.get(name)):
+            changed.append(name)
+    if changed:
+        have = "has" if len(changed) == 1 else "have"
+        raise EditRefused(f"{', '.join(changed)} {have} changed on the disk meanwhile; nothing was written")
+
+
+def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path], reached: Reached) -> None:
+    """Write all new contents beside their files, durably. `made` gets the folders made for them."""
+    for name in names:
+        target = Path(os.path.realpath(folder / name))
+        content = after.get(name)
+        if content is None:
+            if not os.access((folder / name).parent, os.W_OK):
+                raise PermissionError(13, "this folder may not be written by you", str((folder / name).parent))
+            continue
+        _make_folders(target.parent, made)
+        _write_beside(target, content)
+        reached(f"wrote {name}")
+    parents = {Path(os.path.realpath(folder / name)).parent for name in names}
+    for each in {*parents, *(each.parent for each in made)}:
+        if each.is_dir():
+            sync(each)
+
+
+def _make_folders(folder: Path, made: list[Path]) -> None:
+    if not folder.is_dir():
+        _make_folders(folder.parent, made)
+        folder.mkdir()
+        made.append(folder)
+
+
+def _write_beside(target: Path, data: bytes) -> None:
+    """Write new content with the owner and permissions of the file that it will replace."""
+    fresh = fresh_path(target)
+    if target.exists() and not os.access(target, os.W_OK):
+        raise PermissionError(13, "this file may not be written by you", str(target))
+    fresh.unlink(missing_ok=True)
+    with durable_file(fresh, new=True) as file:
+        if target.exists():
+            found = target.stat()
+            with suppress(OSError):  # only root may give a file away
+                os.fchown(file.fileno(), found.st_uid, found.st_gid)
+            os.fchmod(file.fileno(), stat.S_IMODE(found.st_mode))
+        file.write(data)
+
+
+def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
+    """Delete the leftovers of a save that does not happen. With a note, it happens."""
+    if os.path.lexists(folder / NOTE):
+        return
+    for name in (*names, NOTE):
+        with suppress(OSError):
+            fresh_path(Path(os.path.realpath(folder / name))).unlink(missing_ok=True)
+    for each in reversed(made):
+        with suppress(OSError):
+            each.rmdir()
+
+
+def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
+    write_whole(folder / NOTE, msgspec.json.encode(note), beside=fresh_path(folder / NOTE), private=False)
+    sync(folder)
+
+
+def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
+    """Move every new content to its place, and return the names that were still missing."""
+    left = still_to_do(folder, note)
+    for name, content in left.items():
+        path = folder / name
+        if content is None:
+            path.unlink(missing_ok=True)  # for a link, this removes the link
+        else:
+            target = Path(os.path.realpath(path))
+            fresh_path(target).replace(target)
+        reached(f"put {name} in its place")
+    for each in {Path(os.path.realpath(folder / file.name)).parent for file in note}:
+        if each.is_dir():
+            sync(each)
+    (folder / NOTE).unlink(missing_ok=True)
+    sync(folder)
+    reached("took the note away")
+    return tuple(left)

@@ -16,11 +16,10 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.files.csv_reader import MAX_COLUMNS, CsvReader, TableRecord, find_spans
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, read_toml
-from rise_engine.scenario.reading.table_settings import TableSettings
-from rise_engine.scenario.reading.tables import TABLES_FOLDER
+from rise_engine.scenario.reading.tables import TABLES_FOLDER, TableSettings
 from rise_engine.syntax.changes import TextEdit, changed_text
 
 _LOG_FILE = "study.jsonl"

@@ -19,7 +19,7 @@ from rise_engine.author.edit.outline import Outline, WrittenValue
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, Splice, StudyState, file_of
 from rise_engine.author.edit.settings import plan_set_setting
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.reading.translations import language_file
 from rise_engine.scenario.speech.languages import language_problem
 from rise_engine.scenario.speech.spoken_texts import SpokenText

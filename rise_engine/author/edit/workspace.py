@@ -22,8 +22,13 @@ from rise_engine.author.edit.history import diff_of as diff_of
 from rise_engine.author.edit.outline import Outline
 from rise_engine.author.edit.plan import EditRefused, Files, apply_plan
 from rise_engine.author.edit.planning import StudyState, plan
-from rise_engine.author.edit.saving import finish_interrupted, refuse_shipped, write_files
-from rise_engine.author.edit.study_folder import read_study_above, read_study_files
+from rise_engine.author.edit.study_folder import (
+    finish_interrupted,
+    read_study_above,
+    read_study_files,
+    refuse_shipped,
+    write_files,
+)
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.checking.uses import Uses

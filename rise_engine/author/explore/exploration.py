@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from rise_engine.author.explore import act_findings, progress_findings, usage_findings
 from rise_engine.author.explore.act_findings import PropertyChecker
-from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.path_words import tell_path
 from rise_engine.author.explore.situation import Situation
 from rise_engine.author.explore.situation_graph import Explored, ExploreFinding

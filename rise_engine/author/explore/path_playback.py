@@ -16,13 +16,12 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.influence import keys_that_matter
-from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.moves import Bounds, Move
 from rise_engine.author.explore.path_steps import Followed, follow_path
 from rise_engine.author.explore.path_words import move_text
-from rise_engine.author.explore.paths import Path
 from rise_engine.author.explore.situation import Situation
+from rise_engine.author.explore.situation_graph import Path
 from rise_engine.author.trial.study_test import written_line
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TimingRecord

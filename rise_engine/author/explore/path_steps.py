@@ -9,12 +9,10 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from rise_engine.author.explore.act_models import Decisions, Phase, WholeActRun
-from rise_engine.author.explore.act_traits import ActTraits, traits_of
-from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.moves import Move
-from rise_engine.author.explore.paths import Path
+from rise_engine.author.explore.act_traits import ActTraits, Decisions, Phase, WholeActRun, traits_of
+from rise_engine.author.explore.moves import Bounds, Move
 from rise_engine.author.explore.situation import Countdown, Situation, SituationKernel
+from rise_engine.author.explore.situation_graph import Path
 from rise_engine.base.errors import RiseError
 from rise_engine.expression import Environment
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit, TimerElapsed

@@ -9,11 +9,10 @@ from itertools import pairwise
 from msgspec.structs import replace
 
 from rise_engine.author.drawing.study_keys import key_title
-from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.moves import Bounds, Move
 from rise_engine.author.explore.path_steps import Followed, follow_path
-from rise_engine.author.explore.paths import Path
 from rise_engine.author.explore.situation import Countdown
+from rise_engine.author.explore.situation_graph import Path
 from rise_engine.base.typed_values import format_value
 from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rise_engine.author.explore.paths import Path
-from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, is_planned, some_states
+from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, Path, is_planned, some_states
 from rise_engine.author.explore.space import Number
 
 

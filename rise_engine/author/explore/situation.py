@@ -12,8 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import msgspec
 
-from rise_engine.author.explore.act_models import FAILED, Decisions, Phase, WholeActRun, WholeActs
-from rise_engine.author.explore.act_traits import ActTraits
+from rise_engine.author.explore.act_traits import FAILED, ActTraits, Decisions, Phase, WholeActRun, WholeActs
 from rise_engine.author.explore.influence import parts_of_session_read
 from rise_engine.expression import Environment
 from rise_engine.kernel import Kernel

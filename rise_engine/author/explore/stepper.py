@@ -6,11 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from rise_engine.author.explore.act_models import MAX_SCRIPTS
-from rise_engine.author.explore.act_traits import traits_of
-from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.act_traits import MAX_SCRIPTS, traits_of
 from rise_engine.author.explore.influence import keys_that_matter
-from rise_engine.author.explore.moves import BY_PERSON, MISHAPS, Move, Moves, Possibility
+from rise_engine.author.explore.moves import BY_PERSON, MISHAPS, Bounds, Move, Moves, Possibility
 from rise_engine.author.explore.situation import PERSON, ActTask, Situation, SituationKernel
 from rise_engine.author.explore.zones import NO_CLOCKS, Zone, carry, let_pass, narrow
 from rise_engine.expression import Expression

@@ -17,8 +17,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol, lsp_method
 
 from rise_engine import __version__
-from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
-from rise_engine.author.lsp.served_study import ServedStudy, study_folder
+from rise_engine.author.lsp.served_study import PositionEncoding, ServedStudy, TextPositions, study_folder
 from rise_engine.scenario.checking.uses import Use
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.files.source_files import SourceFile

@@ -8,12 +8,14 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.author.drawing.act_seconds import estimate_act_seconds
-from rise_engine.author.drawing.conditions import Joint, is_met, split_condition
+from rise_engine.author.drawing.act_graph import estimate_act_seconds
 from rise_engine.author.drawing.rule_text import (
+    Joint,
     Truth,
     find_awaited_act,
     functions_in,
+    is_met,
+    split_condition,
     transition_label,
     truth_of,
     wait_text,

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.moments import MarksAndOutages, parse_moment, read_marks
+from rise_engine.cli.data.coded import MarksAndOutages, parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, reason_of, refusing, show, write_json
 from rise_engine.kernel.records import RecordingRecord

@@ -15,13 +15,13 @@ from rise_engine.cli.options import JSON, LANGUAGE, MODE, ROBOT, SCENARIO
 from rise_engine.cli.scenario.loading import diagnostic_row, robots_folder, sound_scenario
 from rise_engine.cli.terminal import exit_with_usage, show
 from rise_engine.run.engine.drivers import profile_findings
-from rise_engine.scenario.checking.diagnostic_ends import with_ends
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.files.source_files import FileReader
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.reading.robot_profiles import locate_in_profile
+from rise_engine.scenario.reading.suppressions import with_ends
 
 
 @click.command()

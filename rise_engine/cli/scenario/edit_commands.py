@@ -11,8 +11,13 @@ from rise_engine.author.edit.edits import NameKind, Rename
 from rise_engine.author.edit.formatting import lay_out
 from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.saving import refuse_shipped, write_files
-from rise_engine.author.edit.study_folder import read_study_above, read_study_files, sets_key
+from rise_engine.author.edit.study_folder import (
+    read_study_above,
+    read_study_files,
+    refuse_shipped,
+    sets_key,
+    write_files,
+)
 from rise_engine.author.edit.workspace import Workspace, diff_of
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.nearest_name import did_you_mean
@@ -20,7 +25,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import DIFF, JSON, SCENARIO, without_file
 from rise_engine.cli.scenario.loading import sound_scenario
 from rise_engine.cli.terminal import Refused, print_lines, print_notes, show, write_json
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import normal_topic
 

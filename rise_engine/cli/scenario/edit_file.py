@@ -19,7 +19,7 @@ from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import JSON, SCENARIO
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, reason_of, write_json
-from rise_engine.scenario.files.file_names import STUDY_FILE
+from rise_engine.scenario.files.study_paths import STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
 
 _LARGEST = 10_000_000

@@ -17,8 +17,8 @@ from typing import Any
 import click
 from msgspec.structs import replace
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.path_playback import find_times, task_file_of
 from rise_engine.author.explore.path_words import tell_path
 from rise_engine.author.explore.situation_graph import ExploreFinding

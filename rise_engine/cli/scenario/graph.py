@@ -10,9 +10,14 @@ from typing import TypeVar
 
 import click
 
-from rise_engine.author.drawing.diagrams import mermaid_of_acts, mermaid_of_rules
-from rise_engine.author.drawing.pictures import picture_of_act, picture_of_rule, text_of
-from rise_engine.author.drawing.svg import svg_text
+from rise_engine.author.drawing.pictures import (
+    mermaid_of_acts,
+    mermaid_of_rules,
+    picture_of_act,
+    picture_of_rule,
+    svg_text,
+    text_of,
+)
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import SCENARIO
 from rise_engine.cli.scenario.loading import sound_scenario

@@ -9,8 +9,18 @@ import click
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.author.texts.importing import TextImport, import_table, summary
-from rise_engine.author.texts.table import Only, ReadTable, TextTable, make_table
-from rise_engine.author.texts.table_files import read_csv, read_po, read_xlsx, write_csv, write_po, write_xlsx
+from rise_engine.author.texts.table import (
+    Only,
+    ReadTable,
+    TextTable,
+    make_table,
+    read_csv,
+    read_po,
+    read_xlsx,
+    write_csv,
+    write_po,
+    write_xlsx,
+)
 from rise_engine.base.errors import ExchangeError
 from rise_engine.base.exit_status import OK, REFUSED, USAGE
 from rise_engine.base.text import pluralize

@@ -20,7 +20,7 @@ from rise_engine.results.export.format import ExportError
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.run.engine.drivers import RobotOptionsError, make_robot
 from rise_engine.run.engine.engine import Engine
-from rise_engine.scenario.files.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, spoken_as

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import click
 from msgspec import Struct
@@ -16,15 +17,17 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import OK, PARTIAL
 from rise_engine.base.files import is_locked
 from rise_engine.cli.options import JSON
-from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
 from rise_engine.results.analysis.reading import NO_JUDGEMENTS, Judgement, read_judgements
 from rise_engine.run.client.running_sessions import all_running_sessions, sessions_on_other_computers
 from rise_engine.run.protocol.messages import SessionSummary
+from rise_engine.run.protocol.registry import session_name
 from rise_engine.session.folder import (
     JOURNAL,
     SessionInfo,
+    describe_session,
     duration_text,
+    find_unfinished,
     has_begun,
     has_ended,
     is_abandoned,
@@ -221,3 +224,49 @@ def _listed(folder: Path, info: SessionInfo, judgement: Judgement | None) -> Lis
         mode=info.mode,
         title=info.title,
     )
+
+
+# --- unfinished sessions ----------------------------------------------------------------------------------------------
+
+
+MAX_SCENARIOS = 3
+"""Maximum number of listed scenarios, those with the latest sessions."""
+
+
+class UnfinishedSession(NamedTuple):
+    """The latest unfinished session of one scenario."""
+
+    command: str
+    """The command that offers to recover it."""
+    sentence: str
+    """A description of the session."""
+
+
+def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
+    """Find unfinished sessions, the latest first, without the `running` ones (`registry.ask_all_summaries`)."""
+    recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
+    found: dict[str, UnfinishedSession] = {}
+    for folder in find_unfinished():
+        if os.path.realpath(folder) in recorded:
+            continue
+        try:
+            scenario = read_info(folder, compare=False).scenario_folder
+        except SessionError:
+            continue
+        name = session_name(scenario)
+        if name in found or name in running or not os.path.isdir(scenario):  # noqa: PTH112
+            continue
+        found[name] = UnfinishedSession(f"rise-tui --config {shlex.quote(scenario)}", describe_session(folder))
+        if len(found) == MAX_SCENARIOS:
+            break
+    return list(found.values())
+
+
+def unfinished_lines(sessions: list[UnfinishedSession]) -> list[str]:
+    """Format the sessions as lines; none if there are no sessions."""
+    if not sessions:
+        return []
+    first = "A session did not end. To go on with it:"
+    if len(sessions) > 1:
+        first = "These sessions did not end. To go on with one of them:"
+    return ["", first, *(line for command, what in sessions for line in (f"  {command}", f"      {what}"))]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.cli.terminal import exit_with_usage
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies

@@ -17,7 +17,7 @@ from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import SCENARIO_COPY, read_info
 from rise_engine.session.unfinished_files import unfinished

@@ -1,4 +1,4 @@
-"""Checks names from outside: which files a study may write, and which may be read as part of it.
+"""Names of a study's files: the usual ones, and checks of names from outside, which may be written or read.
 
 Edits, imports, bundles and the note of a save name files; scenarios and studies name folders. Each name is checked here
 before anything is written or read. A valid name stays in the study's folder, also after following links, and is not one
@@ -12,7 +12,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from rise_engine.base.text import UNSEEN, clean
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+
+SCENARIO_FILE = "scenario.toml"
+STUDY_FILE = "study.toml"
+"""For a study with a design: participants, factors, sessions."""
+PARTICIPANTS_FILE = "participants.csv"
+LEXICON_FILE = "lexicon.toml"
+TEXTS_FOLDER = "texts"
+"""Contains the translations, one file per language: `texts/de.toml`."""
+
+DEFAULT_PATHS = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
+"""The places of acts, rules and memory, unless `scenario.toml` names others."""
+
 
 SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 """The endings of a study's files, which are all text."""

@@ -1,8 +1,8 @@
 """The content of a scenario's folder: on the disk, held in memory instead, or left by a save that was killed.
 
 A save writes all new contents beside the files, then a note that names them, and then renames
-(`rise_engine.author.edit.saving`). Once the note exists, the new contents count, and every reader follows the note. The
-note contains names and checksums but no places, so it is valid in a copy of the folder too.
+(`rise_engine.author.edit.study_folder`). Once the note exists, the new contents count, and every reader follows the
+note. The note contains names and checksums but no places, so it is valid in a copy of the folder too.
 """
 
 from __future__ import annotations

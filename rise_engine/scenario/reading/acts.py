@@ -21,7 +21,7 @@ from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.speech.ssml import begins_as_ssml, write_element
 from rise_engine.scenario.speech.template import Template, TemplateError, key_template, parse_template
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_format import ACT_WRAPPERS
+from rise_engine.syntax.xml_writing import ACT_WRAPPERS
 
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _LONGEST_PIECE = 12

@@ -22,7 +22,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.reading.element_reader import ElementReader
 from rise_engine.scenario.reading.graph import find_cycles
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_format import WRAPPERS
+from rise_engine.syntax.xml_writing import WRAPPERS
 
 LIBRARY = Path(__file__).parents[1] / "patterns"
 """The patterns that come with the program: one template per file, and each file has the name of its template."""

@@ -13,9 +13,8 @@ from msgspec.structs import replace
 from rise_engine.base.nearest_name import suggest
 from rise_engine.base.plugins import installed_plugins
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader, SourceFile
-from rise_engine.scenario.files.study_paths import why_no_name
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_no_name
 from rise_engine.scenario.files.toml_files import TomlTable, read_toml, toml_of
 from rise_engine.scenario.files.tree import FileTree
 from rise_engine.scenario.model import RobotProfile, SourceLocation

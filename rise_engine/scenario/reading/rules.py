@@ -31,7 +31,7 @@ from rise_engine.scenario.reading.blocks import BlockReader
 from rise_engine.scenario.reading.element_reader import read_delay
 from rise_engine.scenario.reading.graph import component_numbers
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_format import RULE_WRAPPERS
+from rise_engine.syntax.xml_writing import RULE_WRAPPERS
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 SHORT_AFTER = 0.05

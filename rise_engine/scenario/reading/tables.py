@@ -1,32 +1,128 @@
 """Reading the tables of a scenario, `tables/*.csv` (docs/reference/scenario.md, "Tables").
 
-Each table is read-only memory: a list of objects, one per row.
+Each table is read-only memory: a list of objects, one per row. `tables/NAME.toml` has its settings and the types of its
+columns.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.json_codec import is_64_bit
+from rise_engine.base.nearest_name import did_you_mean, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.files.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, TOO_LONG, CsvReader, TableRecord
-from rise_engine.scenario.files.source_files import FileReader, SourceFile
+from rise_engine.scenario.files.csv_reader import MAX_CHARACTERS, SHOWN, TOO_LONG, CsvReader, TableRecord
+from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, read_toml
 from rise_engine.scenario.model import Json, SourceLocation, Table, TranslatedColumn
 from rise_engine.scenario.reading.memory import is_writable_key
-from rise_engine.scenario.reading.table_settings import (
-    ColumnType,
-    TableSettings,
-    convert_value,
-    guess_type,
-    has_comma_numbers,
-    read_table_settings,
-)
 from rise_engine.scenario.speech.languages import language_problem, meant_language
+
+ColumnType: TypeAlias = Literal["text", "number", "bool"]
+DecimalMark: TypeAlias = Literal[".", ","]
+
+_WHOLE = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,18})")
+_DIGITS = re.compile(r"[-+]?[0-9]+")
+_NUMBER = {
+    mark: re.compile(
+        rf"[-+]?(?:(?:0|[1-9][0-9]*)(?:{re.escape(mark)}[0-9]*)?|{re.escape(mark)}[0-9]+)(?:[eE][-+]?[0-9]+)?"
+    )
+    for mark in (".", ",")
+}
+"""Without leading zeros: `007` is a code that needs its zeros."""
+_TRUTH = {"true": True, "false": False}
+
+
+def guess_type(texts: Sequence[str], decimal: DecimalMark) -> ColumnType:
+    """The type of a column: number or bool if all values that are not empty are; else text."""
+    for kind in ("number", "bool"):
+        if any(texts) and all(convert_value(text, kind, decimal) is not None for text in texts if text):
+            return kind
+    return "text"
+
+
+def convert_value(text: str, kind: ColumnType, decimal: DecimalMark) -> Json:
+    """The value of a text in a column of this type; null for an empty or an invalid text."""
+    if not text or kind == "text":
+        return text or None
+    if kind == "bool":
+        return _TRUTH.get(text.lower())
+    if _WHOLE.fullmatch(text) and is_64_bit(int(text)):
+        return int(text)
+    if _NUMBER[decimal].fullmatch(text) and not _DIGITS.fullmatch(text):
+        number = float(text.replace(",", "."))
+        return number if math.isfinite(number) else None
+    return None
+
+
+def has_comma_numbers(texts: Sequence[str]) -> bool:
+    """Whether a column would be numeric if the comma were its decimal mark."""
+    return any("," in text for text in texts) and guess_type(texts, ",") == "number"
+
+
+# --- settings ---------------------------------------------------------------------------------------------------------
+
+
+_KEYS = ("separator", "decimal", "encoding", "types")
+SEPARATORS = (",", ";", "\t", "|")
+ENCODINGS = ("utf-8", "cp1252")
+
+
+class TableSettings:
+    """The settings of one table; defaults without a file."""
+
+    def __init__(self, table: TomlTable) -> None:
+        table.report_unknown_keys(_KEYS)
+        self._table = table
+        self.separator: str = self._read_choice("separator", SEPARATORS, "", '`separator` is ",", ";", "\\t" or "|"')
+        """The separator of values; empty: the one that the header shows."""
+        self.decimal: DecimalMark = self._read_choice("decimal", (".", ","), ".", '`decimal` is "." or ","')
+        self.encoding: str = self._read_choice("encoding", ENCODINGS, "utf-8", '`encoding` is "utf-8" or "cp1252"')
+        self.types: dict[str, ColumnType] = {}
+        """By column; others are guessed."""
+        types = table.section("types")
+        for column, kind in types.values.items():
+            if kind in get_args(ColumnType):
+                self.types[column] = kind
+            else:
+                types.report_value("wrong-value", column, f'`{column}` is "text", "number" or "bool"')
+
+    def _read_choice(self, key: str, known: Sequence[str], usual: str, message: str) -> Any:
+        value = self._table.values.get(key, usual)
+        if value in known or value == usual:
+            return value
+        self._table.report_value("wrong-value", key, message)
+        return usual
+
+    def check_columns(self, columns: Sequence[str], diagnostics: Diagnostics) -> None:
+        """Report types for columns that the table does not have."""
+        types = TomlTable(self._table.file, (), self._table.values, diagnostics).section("types")
+        for column in types.values:
+            if column not in columns:
+                message, near = f"the table has no column `{column}`", suggest(column, columns)
+                types.report_key("unknown-key", message, column, suggestion=near)
+
+
+def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:
+    """Read the settings in a file, or the defaults if there is none; on errors, as far as they are valid."""
+    name = files.display_name(path)
+    source = files.read(path, MAX_TOML_BYTES) if files.tree.exists(path) else None
+    return files.memo.read(("table settings", name, source), diagnostics, partial(_make, name, source))
+
+
+def _make(name: str, source: SourceFile | None, diagnostics: Diagnostics) -> TableSettings:
+    file = read_toml(source, diagnostics) if source is not None else None
+    file = file or TomlFile(SourceFile(name, b"", ""), {})
+    return TableSettings(TomlTable(file, (), file.values, diagnostics))
+
 
 TABLES_FOLDER = "tables"
 MAX_TABLE_BYTES = 2_000_000
@@ -221,7 +317,7 @@ class _TableReader(CsvReader):
     def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
         """The names of the columns that are used."""
         names = super().read_header(header, rows)
-        if len(names) == 1 and (other := next((each for each in (*SEPARATORS, "|") if each in names[0]), None)):
+        if len(names) == 1 and (other := next((each for each in SEPARATORS if each in names[0]), None)):
             message = (
                 f"there is one column only; if a {SHOWN[other]} separates the values, write "
                 f"separator = {_quote(other)} into tables/{self.name}.toml"

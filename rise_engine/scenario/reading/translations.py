@@ -17,8 +17,8 @@ from msgspec.structs import replace
 from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.files.file_names import TEXTS_FOLDER
 from rise_engine.scenario.files.source_files import FileReader
+from rise_engine.scenario.files.study_paths import TEXTS_FOLDER
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, toml_of
 from rise_engine.scenario.model import Act, Action, ActionCall, RobotProfile, SourceLocation
 from rise_engine.scenario.reading.ssml_checks import find_ssml_problems

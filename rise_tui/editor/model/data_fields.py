@@ -12,7 +12,7 @@ from rise_engine.author.edit.edits import AnyEdit, SetSetting, SetStartValue
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.reading.robot_profiles import robot_names
 from rise_tui.editor.model.acts import said_text

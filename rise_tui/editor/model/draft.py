@@ -15,7 +15,7 @@ from rise_engine.author.edit.plan import Files
 from rise_engine.author.edit.workspace import Change, Workspace
 from rise_engine.scenario.checking.uses import Uses
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
 
 

@@ -19,8 +19,17 @@ from rise_engine.author.edit.edits import (
     StatementAddress,
     StatementPlace,
 )
-from rise_engine.author.edit.outline import Outline, WrittenState, WrittenStatement, WrittenTransition, WrittenUse
-from rise_engine.author.edit.rule_words import ONE_OF, branch_words, call_words, trigger_words
+from rise_engine.author.edit.outline import (
+    ONE_OF,
+    Outline,
+    WrittenState,
+    WrittenStatement,
+    WrittenTransition,
+    WrittenUse,
+    branch_words,
+    call_words,
+    trigger_words,
+)
 from rise_engine.syntax.xml_writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "transition", "other", "empty", "parameter"]

@@ -21,9 +21,8 @@ from rise_engine.author.edit.edits import (
     SetUseParameter,
     StatementAddress,
 )
-from rise_engine.author.edit.outline import WrittenUse
+from rise_engine.author.edit.outline import FUNCTION_WORDS, WrittenUse
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.rule_words import FUNCTION_WORDS
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
 from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import FunctionName, normal_topic

@@ -14,7 +14,7 @@ from rise_engine.expression import Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
 from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_engine.scenario.model import CUE_TOPICS, SESSION, Json, normal_topic, result_topics
 from rise_tui.editor.model.draft import toml_values
 from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldChoice, FieldNote, Form, info

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.editor.model.acts import act_seconds, action_type, all_texts, what_text, when_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone

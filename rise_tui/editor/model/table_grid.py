@@ -11,7 +11,7 @@ from rise_engine.author.edit.edits import AddColumn, AddRow, AnyEdit, ReplaceFil
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.tables import WrittenCells, table_names, written_cells
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.reading.memory import is_writable_key
 from rise_engine.scenario.reading.tables import TABLES_FOLDER
 from rise_tui.editor.model.draft import StudyDraft

@@ -13,7 +13,7 @@ from rise_engine.author.edit.edits import AnyEdit, SetTranslation
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.translations import edit_of_original, written_original
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.reading.translations import Translation, slot_problem
 from rise_engine.scenario.speech.spoken_texts import SpokenText

@@ -11,10 +11,8 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rise_engine.author.drawing.diagrams import mermaid_of_rules
-from rise_engine.author.drawing.pictures import picture_of_rule, text_of
+from rise_engine.author.drawing.pictures import mermaid_of_rules, picture_of_rule, svg_text, text_of
 from rise_engine.author.drawing.state_graph import cell_length, shorten_to
-from rise_engine.author.drawing.svg import svg_text
 from rise_engine.cli import main
 from rise_engine.cli.scenario.graph import FORMATS, graph_text
 from rise_engine.cli.terminal import Refused

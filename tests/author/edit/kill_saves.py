@@ -13,8 +13,7 @@ from pathlib import Path
 
 from rise_engine.author.edit.edits import ReplaceFile, SetParameter, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import Files
-from rise_engine.author.edit.saving import finish_interrupted
-from rise_engine.author.edit.study_folder import read_study_files
+from rise_engine.author.edit.study_folder import finish_interrupted, read_study_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.loader import load
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rise_engine.author.edit.formatting import format_file, format_memory, format_toml, lay_out
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.syntax.xml import comments_of
-from rise_engine.syntax.xml_format import format_xml
+from rise_engine.syntax.xml_writing import format_xml
 from tests.author.edit.guard import changed_paths
 from tests.author.edit.samples import NAMES, SPELLINGS, state_of, study_files
 from tests.syntax.test_toml_edits import documents

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.saving import finish_interrupted, write_files
-from rise_engine.author.edit.study_folder import read_study_files
+from rise_engine.author.edit.study_folder import finish_interrupted, read_study_files, write_files
 from rise_engine.scenario.files.tree import NOTE
 from tests.author.edit.samples import SCENARIOS
 from tests.chance import examples

@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, explore, main_rule
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.situation_graph import ExploreFinding
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Stepper

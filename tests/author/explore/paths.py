@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import main_rule, sessions_of
-from rise_engine.author.explore.paths import Path, Paths
+from rise_engine.author.explore.moves import Bounds
+from rise_engine.author.explore.situation_graph import Path, Paths
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Fact, Stepper
 from tests.author.explore.exploring import shipped

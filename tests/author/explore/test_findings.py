@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.author.explore import exploration
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore, main_rule, sessions_of
+from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.situation_graph import Explored
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Stepper

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import explore
+from rise_engine.author.explore.moves import Bounds
 from tests.author.explore.exploring import of_kind
 from tests.kernel.harness import dialog, read, speech, write
 

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from rise_engine.author.explore.path_playback import PlayedPath, find_times, task_file_of
 from rise_engine.author.explore.path_words import tell_path
-from rise_engine.author.explore.paths import Path
 from rise_engine.author.explore.situation import Situation
+from rise_engine.author.explore.situation_graph import Path
 from rise_engine.author.explore.stepper import Fact
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord

@@ -7,11 +7,10 @@ from functools import cache
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import main_rule, sessions_of
-from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.moves import Bounds, Move
 from rise_engine.author.explore.path_words import tell_path
-from rise_engine.author.explore.paths import Path, Paths, PathStep
+from rise_engine.author.explore.situation_graph import Path, Paths, PathStep
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Fact, Stepper
 from rise_engine.base.errors import RiseError

@@ -13,7 +13,7 @@ from typing import Any
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
-from rise_engine.author.lsp.positions import TextPositions
+from rise_engine.author.lsp.served_study import TextPositions
 from tests.patience import PATIENCE
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
+from rise_engine.author.lsp.served_study import PositionEncoding, TextPositions
 from rise_engine.base.errors import ExchangeError
 from rise_engine.cli.scenario.lsp import CheckedHeaders
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.author.lsp.completion import proposals
-from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
+from rise_engine.author.lsp.served_study import PositionEncoding, TextPositions
 from rise_engine.scenario.loader import load
 from tests.scenario.folders import SPEECH, act
 

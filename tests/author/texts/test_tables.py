@@ -23,10 +23,14 @@ from rise_engine.author.edit.edits import (
     SetTranslation,
     SetUseParameter,
 )
-from rise_engine.author.texts import table_files
+from rise_engine.author.texts import table
 from rise_engine.author.texts.importing import TextImport, import_table, summary
-from rise_engine.author.texts.table import ReadRow, ReadTable, TextRow, TextTable, make_table
-from rise_engine.author.texts.table_files import (
+from rise_engine.author.texts.table import (
+    ReadRow,
+    ReadTable,
+    TextRow,
+    TextTable,
+    make_table,
     read_csv,
     read_po,
     read_xlsx,
@@ -310,7 +314,7 @@ def test_what_is_no_table_is_told(data: bytes, sentence: str) -> None:
 def test_an_excel_file_that_becomes_too_large_is_not_opened() -> None:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("xl/worksheets/sheet1.xml", bytes(table_files.MAX_BYTES + 1))
+        archive.writestr("xl/worksheets/sheet1.xml", bytes(table.MAX_BYTES + 1))
     with pytest.raises(ExchangeError, match="becomes 100,000,001 bytes"):
         read_xlsx(stream.getvalue())
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from msgspec import Struct
-from rise_exchange.bml.findings import ConversionFindings
-from rise_exchange.bml.names import BmlNames, TargetPoint
+from rise_exchange.bml.names import BmlNames, ConversionFindings, TargetPoint
 from rise_exchange.bml.reading import ReadAct, read_act
 from rise_exchange.bml.vocabulary import NAMESPACE
 

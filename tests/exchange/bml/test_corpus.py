@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from rise_exchange.bml.findings import ConversionFindings
+from rise_exchange.bml.names import ConversionFindings
 from rise_exchange.bml.reading import read_act
 from rise_exchange.bml.writing import write_act
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rise_exchange.bml.findings import ConversionFindings
-from rise_exchange.bml.names import BmlNames
+from rise_exchange.bml.names import BmlNames, ConversionFindings
 from rise_exchange.bml.writing import write_act
 
 from rise_engine.scenario.loader import load

@@ -7,7 +7,7 @@ from functools import cache
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rise_exchange.bml.sync import milliseconds, parse_sync, seconds_text
+from rise_exchange.bml.core_behavior import milliseconds, parse_sync, seconds_text
 
 from tests.chance import examples
 from tests.exchange.bml.samples import read

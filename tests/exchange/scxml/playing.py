@@ -21,7 +21,7 @@ from typing import Any
 import msgspec
 import pytest
 from rise_exchange.scxml.export import event_name, export_rule, key_name
-from rise_exchange.scxml.rule_analysis import RuleAnalysis
+from rise_exchange.scxml.limits import RuleAnalysis
 
 from rise_engine.kernel.behaviors import read_rule_start
 from rise_engine.kernel.core import EventTopic

@@ -7,7 +7,7 @@ from random import Random
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from rise_exchange.scxml.rule_analysis import RuleAnalysis
+from rise_exchange.scxml.limits import RuleAnalysis
 
 from rise_engine.scenario.model import Rule, Scenario
 from tests.exchange.scxml.playing import Script

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from rise_exchange.woz4u.annotated_speech import SpeechReader
+from rise_exchange.woz4u.woz4u_file import SpeechReader
 
 from rise_engine.cli.program import main
 from rise_engine.scenario.loader import load

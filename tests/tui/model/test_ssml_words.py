@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.author.drawing.act_seconds import estimate_call_seconds
+from rise_engine.author.drawing.act_graph import estimate_call_seconds
 from rise_engine.kernel.record_words import parameters_text
 from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, Transition
 from rise_tui.key_labels import key_name

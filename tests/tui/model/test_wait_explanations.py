@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 from rich.cells import cell_len
 
-from rise_engine.author.drawing.conditions import split_condition
+from rise_engine.author.drawing.rule_text import split_condition
 from rise_engine.expression import Expression
 from rise_engine.kernel.records import CountdownRecord, KeptRecord, MemoryRecord
 from rise_engine.scenario.model import Delay, KeyBinding, Rule, Scenario, State, Table, Transition
