@@ -7,7 +7,7 @@ load no checker.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -17,8 +17,42 @@ from rise_engine import __version__
 from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import BROKEN_PIPE, INTERRUPTED, OK
 from rise_engine.base.plugins import find_plugin, installed_plugins
-from rise_engine.cli.lazy_group import LazyGroup, load_command
 from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_rest
+
+
+def load_command(place: str) -> click.Command:
+    """Load a command from its place, `package.module:attribute`."""
+    module, _, attribute = place.partition(":")
+    command: click.Command = getattr(import_module(module), attribute)
+    return command
+
+
+class LazyGroup(click.Group):
+    """A group that knows where its commands are, and their lines of the help."""
+
+    def __init__(self, *arguments: Any, sections: Mapping[str, Mapping[str, tuple[str, str]]], **more: Any) -> None:
+        """:param sections: the sections of the help: by the name of each command, where it is and what it does."""
+        super().__init__(*arguments, **more)
+        self._sections = sections
+        self.places = {name: place for section in sections.values() for name, (place, _) in section.items()}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.places)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        return load_command(self.places[name]) if name in self.places else None
+
+    def help_sections(self) -> dict[str, list[tuple[str, str]]]:
+        """Return the commands and their lines of the help, by section, without loading them."""
+        return {
+            title: [(name, about) for name, (_, about) in section.items()] for title, section in self._sections.items()
+        }
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, lines in self.help_sections().items():
+            with formatter.section(title):
+                formatter.write_dl(lines, col_max=12)
+
 
 _SECTIONS = {
     "Write scenarios": {
@@ -56,7 +90,7 @@ _SECTIONS = {
         "lsl": ("rise_engine.cli.session.lsl:lsl", "Send markers to the Lab Streaming Layer."),
     },
     "Run studies": {
-        "study": ("rise_engine.cli.study.commands:study", "Make, check, plan and run a study."),
+        "study": ("rise_engine.cli.program:study", "Make, check, plan and run a study."),
     },
     "Use results": {
         "report": ("rise_engine.cli.data.report:report", "Summarize a session or a study."),
@@ -136,3 +170,23 @@ def _load_plugin(name: str) -> click.Command | None:
 @click.version_option(__version__, prog_name="rise-engine")
 def main() -> None:
     """Check and run human-robot interaction scenarios, without a screen."""
+
+
+STUDY = {
+    "bundle": ("rise_engine.cli.data.bundle:bundle", "Put a study into one folder or zip file for others."),
+    "check": ("rise_engine.cli.study.planning:check", "Report everything that is wrong with a study."),
+    "exclude": ("rise_engine.cli.study.day:exclude", "Exclude a participant; the next one gets their row."),
+    "new": ("rise_engine.cli.study.new:new", "Make a study: ask what it is about."),
+    "next": ("rise_engine.cli.study.day:next_participant", "Show who is next, and how their session begins."),
+    "outcome": ("rise_engine.cli.study.day:outcome", "Record how a session counts."),
+    "plan": ("rise_engine.cli.study.planning:plan", "Make the plan, once, and print its balance."),
+    "reassign": ("rise_engine.cli.study.day:reassign", "Give a session to the participant who took part."),
+    "status": ("rise_engine.cli.study.day:status", "Show participants, cells and what is left to do."),
+    "withdraw": ("rise_engine.cli.study.withdraw:withdraw", "Erase everything about a participant."),
+}
+"""Every command of `rise-engine study`: its place, and its line of the help."""
+
+
+@click.group("study", cls=LazyGroup, sections={"Commands": STUDY})
+def study() -> None:
+    """Make, check and run a study: a folder with study.toml (docs/reference/study.md)."""

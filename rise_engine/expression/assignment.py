@@ -9,11 +9,10 @@ from math import isfinite
 from rise_engine.base.json_codec import MAX_LEVELS, JsonError, decode, encode
 from rise_engine.base.nearest_name import Correction
 from rise_engine.base.text import match_end
-from rise_engine.expression.environment import Environment, Json, list_index, lookup
+from rise_engine.expression.environment import Environment, Json, describe, list_index, lookup, nesting_levels
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shorten
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key, path_end
-from rise_engine.expression.values import describe, nesting_levels
 
 _BLANKS = re.compile(r"\s*")
 MAX_BYTES = 100_000

@@ -10,7 +10,16 @@ from collections.abc import Callable
 from operator import neg
 from typing import Any, TypeAlias
 
-from rise_engine.expression.environment import MISSING, Environment, Json, lookup
+from rise_engine.expression.environment import (
+    MISSING,
+    Environment,
+    Json,
+    describe,
+    is_true,
+    lookup,
+    native_number,
+    to_double,
+)
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
 from rise_engine.expression.nodes import (
@@ -44,7 +53,6 @@ from rise_engine.expression.operators import (
     compile_logic,
 )
 from rise_engine.expression.parts import PartReader
-from rise_engine.expression.values import describe, is_true, native_number, to_double
 
 Compute: TypeAlias = Callable[[Any], Json]
 REMEDY = "put the value into a text with braces where it is said, as in `Number {n}`, or keep it as a text"

@@ -12,10 +12,9 @@ import operator
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from rise_engine.expression.environment import MISSING, Environment, Json
+from rise_engine.expression.environment import MISSING, Environment, Json, contains, describe, equal
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import divide
-from rise_engine.expression.values import contains, describe, equal
 
 # --- lists ------------------------------------------------------------------------------------------------------------
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rise_engine.base.json_codec import MAX_LEVELS
-from rise_engine.expression.environment import MISSING, Environment, Json, list_index, lookup
+from rise_engine.expression.environment import MISSING, Environment, Json, describe, list_index, lookup, nesting_levels
 from rise_engine.expression.errors import MISSING_PART, EvaluationError, MissingPartError
 from rise_engine.expression.nodes import Part, with_all_brackets
 from rise_engine.expression.operators import Operand
-from rise_engine.expression.values import describe, nesting_levels
 
 
 class PartReader:

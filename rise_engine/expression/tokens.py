@@ -13,8 +13,8 @@ from unicodedata import combining, normalize
 from rise_engine.base.json_codec import MAX_LEVELS
 from rise_engine.base.nearest_name import Correction
 from rise_engine.base.text import match_end
+from rise_engine.expression.environment import native_number
 from rise_engine.expression.errors import ExpressionError
-from rise_engine.expression.values import native_number
 
 MAX_LENGTH = 100_000
 """The longest expression or assignment, in characters."""

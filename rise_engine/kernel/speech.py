@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rise_engine.kernel.core import Task
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
-from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE
+from rise_engine.scenario.parameters import LANGUAGE, MESSAGE
 from rise_engine.scenario.speech.ssml import begins_as_ssml, literal_ssml
 from rise_engine.scenario.speech.template import Template
 

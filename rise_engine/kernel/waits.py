@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from rise_engine.expression import Environment, EvaluationError
-from rise_engine.expression.values import describe
+from rise_engine.expression.environment import describe
 from rise_engine.kernel.compiled_rules import CompiledRule, CompiledTransition
 from rise_engine.kernel.core import Core, Task, TimerTarget
 from rise_engine.kernel.failures import first_task

@@ -21,7 +21,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
-from rise_engine.scenario.speech.spoken import LANGUAGE
+from rise_engine.scenario.parameters import LANGUAGE
 from rise_engine.session.coded import CodedFile, read_coded, read_spans
 from rise_engine.session.coded_formats import CodedClock, CodedSpan
 

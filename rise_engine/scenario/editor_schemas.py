@@ -15,8 +15,7 @@ from html import escape
 from pathlib import Path
 
 from rise_engine.scenario.model import ActionSpec, Parameter
-from rise_engine.scenario.parameters import accepts_any_name, listed_names
-from rise_engine.scenario.speech.spoken import MESSAGE
+from rise_engine.scenario.parameters import MESSAGE, accepts_any_name, listed_names
 
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")

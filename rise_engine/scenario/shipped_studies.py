@@ -6,7 +6,6 @@ begins with a copy or with its first files.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import tomllib
@@ -18,6 +17,7 @@ from tempfile import mkdtemp
 from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_none_written
+from rise_engine.syntax.toml import toml_value
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -75,10 +75,7 @@ def copy_study(name: str, to: Path) -> int:
         raise StudyError(f"no study `{name}` is shipped with the program{did_you_mean(name, studies)}")
     source, number = studies[name], 0
     try:
-        if to.exists() and not to.is_dir():
-            raise StudyError(f"{to} is not a folder")
-        if to.is_dir() and any(to.iterdir()):
-            raise StudyError(f"{to} is not empty; name a new folder")
+        _check_empty(to)
         to.mkdir(parents=True, exist_ok=True)
         for path in sorted(source.rglob("*")):
             new = to / path.relative_to(source)
@@ -92,63 +89,20 @@ def copy_study(name: str, to: Path) -> int:
     return number
 
 
+def _check_empty(folder: Path) -> None:
+    """:raises StudyError: there is a file of this name, or a folder with contents. :raises OSError: unreadable."""
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise StudyError(f"{folder} is not a folder")
+    if folder.is_dir() and any(folder.iterdir()):
+        raise StudyError(f"{folder} is not empty; name a new folder")
+
+
 # --- new studies ------------------------------------------------------------------------------------------------------
 
 
 AGENTS_FILE = "AGENTS.md"
-_AGENTS = """\
-# For language models, and for everybody who changes these files by hand
-
-This folder is a scenario of rise-tui: what a robot says and does with a participant while a wizard watches and helps.
-
-- Read the reference pages of rise-tui's documentation first: the scenario folder (`scenario.md`), acts (`cra.md`),
-  rules (`rules.md`), conditions (`conditions.md`) and the changes that `rise-engine edit` makes (`edits.md`).
-- `rise-engine robots .` lists the robots and what each can do.
-- `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name.
-  A study with errors does not run. Check after every change.
-- `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
-
-## How to change it
-
-- Write changes as edits and show them first: `rise-engine edit . EDITS.json --dry-run` prints what would change, and
-  writes nothing. A person reads it. Then leave `--dry-run` out: all edits are made or none, and nothing else in the
-  files is touched. Put one change that can be judged by itself in one edit: one sentence, one act, one transition.
-- Rename with `rise-engine rename . act OLD NEW` (also rule, state, event, key, action), never by search and replace.
-- Change one thing at a time; keep comments, order and indentation. `git diff` should show one line for one sentence.
-- What the robot says is read aloud to people. Texts that a language model has written are drafts until a person has
-  read them. Mark them with a comment `draft`, and say which they are.
-- Change nothing that participants have already been through without being asked.
-- No names of participants and nothing about them in these files.
-"""
-
-_ACTS = """\
-<!-- What the robot says and does. -->
-<Dialogs>
-
-<Dialog name="R_Hello">
-  <Speech>
-    <actionID>1</actionID>
-    <message>Hello!</message>
-  </Speech>
-</Dialog>
-
-</Dialogs>
-"""
-_RULE = """\
-<!-- What happens when: the robot says hello, and has done then. -->
-<InteractionRule name="Main" initial="Hello">
-
-  <State id="Hello">
-    <onEntry>
-      <function startCommunicationRobotAct="R_Hello"/>
-    </onEntry>
-    <transition ended="R_Hello" target="Done"/>
-  </State>
-
-  <State id="Done"/>
-
-</InteractionRule>
-"""
+_BLANK = Path(__file__).with_name("blank")
+"""A study with one act and one rule, whose title and robot are TITLE and ROBOT."""
 
 
 def blank_study(title: str, robot: str) -> dict[str, str]:
@@ -156,20 +110,9 @@ def blank_study(title: str, robot: str) -> dict[str, str]:
 
     :param title: the title of the study. :param robot: the name of a profile.
     """
-    settings = f"title = {_toml(title)}\nrobot = {_toml(robot)}\n"
-    keys = '\n[keys]\nb = { rule = "Main", label = "begin" }\nh = { act = "R_Hello", label = "hello" }\n'
-    return {
-        "scenario.toml": settings + keys,
-        "acts/acts.xml": _ACTS,
-        "rules/main.xml": _RULE,
-        "memory.json": "{}\n",
-        AGENTS_FILE: _AGENTS,
-    }
-
-
-def _toml(text: str) -> str:
-    """A text in quotation marks: TOML has the escapes of JSON, and also one for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    files = {path.relative_to(_BLANK).as_posix(): path.read_text("utf-8") for path in _BLANK.rglob("*.*")}
+    settings = files[SCENARIO_FILE].replace('"ROBOT"', toml_value(robot))
+    return {**files, SCENARIO_FILE: settings.replace('"TITLE"', toml_value(title))}
 
 
 def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
@@ -179,10 +122,7 @@ def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
     """
     files = blank_study(title, robot)
     try:
-        if os.path.lexists(folder) and not folder.is_dir():
-            raise StudyError(f"{folder} is not a folder")
-        if folder.is_dir() and any(folder.iterdir()):
-            raise StudyError(f"{folder} is not empty; name a new folder")
+        _check_empty(folder)
         write_new_folder(folder, files)
     except (OSError, UnicodeError) as error:
         raise StudyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
@@ -216,7 +156,7 @@ def write_agents_file(folder: Path) -> None:
     """Add the page for language models to a study that has none. Raises StudyError."""
     try:
         with (folder / AGENTS_FILE).open("x", encoding="utf-8") as file:
-            file.write(_AGENTS)
+            file.write((_BLANK / AGENTS_FILE).read_text("utf-8"))
     except FileExistsError:
         return
     except OSError as error:

@@ -11,9 +11,8 @@ from click.core import ParameterSource
 from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
-from rise_engine.cli.lazy_group import LazyGroup
 from rise_engine.cli.options import HERE, NEW, PLACES, RECOVER, SEED, SESSION_OPTIONS, SETTINGS, options
-from rise_engine.cli.program import split_ros_args
+from rise_engine.cli.program import LazyGroup, split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_tui.cli.command_line import KEYS, MOUSE, THEME, CommandLine
 from rise_tui.cli.start import start

@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rise_engine.author.drawing.act_graph import ActRow, act_rows, estimate_call_seconds
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_engine.scenario.speech.spoken import MESSAGE
+from rise_engine.scenario.parameters import MESSAGE
 from rise_engine.scenario.speech.ssml import plain_words
 from rise_engine.scenario.speech.template import MissingValueError, Template, spoken_text
 from rise_tui.model.log_text import field_lines

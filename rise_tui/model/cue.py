@@ -12,7 +12,7 @@ from typing import NamedTuple
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.speech.spoken import SPEECH_CHANNEL
+from rise_engine.scenario.parameters import SPEECH_CHANNEL
 from rise_tui.rendering.text import StyledLine, format_seconds
 
 

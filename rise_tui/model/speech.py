@@ -14,7 +14,7 @@ from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Action, ActionCall, Scenario
-from rise_engine.scenario.speech.spoken import MESSAGE, SPEECH_CHANNEL
+from rise_engine.scenario.parameters import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.speech.ssml import plain_words
 from rise_engine.scenario.speech.template import MissingValueError, Template, TemplateError, parse_template, spoken_text
 from rise_tui.model.notice import act_label

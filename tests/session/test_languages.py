@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.base.errors import SessionError
+from rise_engine.cli.data.reproduce import load_for_robot
 from rise_engine.cli.program import main
-from rise_engine.cli.session.other_robot import load_for_robot
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.scenario.loader import load

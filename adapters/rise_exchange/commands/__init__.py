@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from rise_engine.cli.lazy_group import LazyGroup
+from rise_engine.cli.program import LazyGroup
 
 _CONVERT = {
     "from-bml": ("rise_exchange.commands.bml:from_bml", "Make acts from blocks of BML 1.0."),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from xml.sax.saxutils import escape
 
 from rise_engine.base.text import clean
@@ -27,7 +28,6 @@ from rise_engine.scenario.model import (
     result_topics,
 )
 from rise_exchange.scxml.expressions import assignment_code, condition_code, delay_code, json_code, text_code
-from rise_exchange.scxml.helper_functions import helpers_for
 from rise_exchange.scxml.limits import RuleAnalysis, find_losses
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
@@ -380,3 +380,30 @@ def key_name(key: str) -> str:
 
 def _escape(found: re.Match[str]) -> str:
     return f"_x{ord(found[0]):X}_"
+
+
+# --- functions of the condition language ------------------------------------------------------------------------------
+
+
+_SOURCE = Path(__file__).with_name("helper_functions.js").read_text("utf-8")
+_NAME = re.compile(r"^function (\w+)", re.MULTILINE)
+_CALLED = re.compile(r"(?<![\w.'])(\w+)(?=[(,)])")
+HELPERS: dict[str, str] = {
+    _NAME.findall(source)[0]: source.strip("\n") for source in re.split(r"\n\n(?=function )", _SOURCE)[1:]
+}
+"""The source of each function, by name."""
+_USES = {
+    name: frozenset(found for found in _CALLED.findall(source) if found in HELPERS) - {name}
+    for name, source in HELPERS.items()
+}
+
+
+def helpers_for(code: str) -> list[str]:
+    """The sources of all helpers that the code calls, directly or indirectly, in this file's order."""
+    wanted = {name for name in _CALLED.findall(code) if name in HELPERS}
+    pending = list(wanted)
+    while pending:
+        new = _USES[pending.pop()] - wanted
+        wanted |= new
+        pending += new
+    return [source for name, source in HELPERS.items() if name in wanted]

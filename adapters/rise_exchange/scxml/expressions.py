@@ -2,7 +2,7 @@
 assignment.
 
 As in the language's own compiler, each node is written for the way in which its parent reads it: as a truth value, as a
-number, or as a value of its own type. The functions that it calls are those of `rise_exchange.scxml.helper_functions`.
+number, or as a value of its own type. The functions that it calls are those of `rise_exchange.scxml.export`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
@@ -10,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Function, Rule, Scenario, functions_in, normal_topic
-from rise_engine.syntax.toml import toml_key
+from rise_engine.syntax.toml import toml_key, toml_value
 from rise_exchange.scxml.chart import ChartState
 from rise_exchange.scxml.content_translation import FunctionLine, IfLines, Lines, SendHelper
 from rise_exchange.scxml.rules_of_chart import MadeRules, MadeState
@@ -210,10 +209,10 @@ def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
 
     :param rules: the text of the rules file.
     """
-    lines = [f"title = {_toml(title)}", 'robot = "generic"', "", "[keys]"]
-    lines.append(f"b = {{ rule = {_toml(made.name)}, label = {_toml('begin')} }}")
+    lines = [f"title = {toml_value(title)}", 'robot = "generic"', "", "[keys]"]
+    lines.append(f"b = {{ rule = {toml_value(made.name)}, label = {toml_value('begin')} }}")
     for key, event in zip(_KEYS, outside_events(made), strict=False):
-        lines.append(f"{toml_key(key)} = {{ event = {_toml('/' + event)}, label = {_toml(event)} }}")
+        lines.append(f"{toml_key(key)} = {{ event = {toml_value('/' + event)}, label = {toml_value(event)} }}")
     return {
         "scenario.toml": "\n".join([*lines, ""]),
         "acts/acts.xml": _acts_text(called_acts(made)),
@@ -270,7 +269,3 @@ def _functions(rule: Rule) -> Iterator[Function]:
     for state in rule.states.values():
         for block in (state.on_entry, state.on_exit, *(way.block for way in state.transitions)):
             yield from functions_in(block)
-
-
-def _toml(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -18,8 +18,7 @@ from msgspec.structs import replace
 
 from rise_engine.author.explore.influence import keys_that_matter
 from rise_engine.author.explore.moves import Bounds, Move
-from rise_engine.author.explore.path_steps import Followed, follow_path
-from rise_engine.author.explore.path_words import move_text
+from rise_engine.author.explore.path_words import Followed, follow_path, move_text
 from rise_engine.author.explore.situation import Situation
 from rise_engine.author.explore.situation_graph import Path
 from rise_engine.author.trial.study_test import written_line
@@ -68,7 +67,7 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
     :param scenario: the explored one.
     :param path: a path through its situations.
     :param bounds: those of the exploration: the values to try, and how fast acts go.
-    :raises RiseError: the path belongs to another scenario (`rise_engine.author.explore.path_steps`).
+    :raises RiseError: the path belongs to another scenario (`rise_engine.author.explore.path_words`).
     """
     scenario = replace(scenario, mode="debug")
     followed, keys = follow_path(scenario, path, bounds or Bounds()), _compared_keys(scenario, path)

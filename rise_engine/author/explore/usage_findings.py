@@ -13,7 +13,7 @@ from rise_engine.author.explore.situation_graph import Explored, ExploreFinding,
 from rise_engine.author.explore.space import Number
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.scenario.checking.part_checks import find_missing_parts as find_missing_parts_of_act
+from rise_engine.scenario.checking.memory_paths import find_missing_parts as find_missing_parts_of_act
 from rise_engine.scenario.model import CUE_TOPICS, Rule, SourceLocation, Transition, normal_topic
 
 NOT_RUNNING = "(not running)"

@@ -16,8 +16,7 @@ from rise_engine.author.edit.outline import Written
 from rise_engine.author.edit.plan import EditRefused, Plan
 from rise_engine.author.lsp.completion import proposals
 from rise_engine.author.lsp.hover import hover_text
-from rise_engine.author.lsp.served_study import ServedStudy
-from rise_engine.author.lsp.study_server import StudyServer
+from rise_engine.author.lsp.served_study import ServedStudy, StudyServer
 from rise_engine.scenario.checking.uses import UsedKind
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.syntax.changes import edits_between

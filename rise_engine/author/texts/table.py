@@ -21,9 +21,8 @@ from rise_engine.base.errors import ExchangeError
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Act, Action, Scenario
-from rise_engine.scenario.parameters import fill_parameters
+from rise_engine.scenario.parameters import MESSAGE, fill_parameters
 from rise_engine.scenario.reading.translations import LanguageTexts
-from rise_engine.scenario.speech.spoken import MESSAGE
 from rise_engine.scenario.speech.spoken_texts import SpokenText, TableText
 from rise_engine.scenario.speech.template import MissingValueError
 

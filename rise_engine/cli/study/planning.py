@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from shlex import quote
+from typing import Any
 
 import click
 
@@ -13,7 +14,6 @@ from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import StudyLook, look_at_kinds
-from rise_engine.cli.data.proof_text import NOT_PROVED, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
@@ -21,7 +21,7 @@ from rise_engine.study.model import Study
 from rise_engine.study.participants import load_participants, session_kinds
 from rise_engine.study.plan import cells, runs
 from rise_engine.study.planning import last_planned, plan_study
-from rise_engine.study.proof import compared_files, prove_sessions
+from rise_engine.study.proof import ProvedSession, compared_files, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError, read_log
@@ -189,3 +189,71 @@ def plan(study: Path, again: str | None, anyway: str | None) -> None:
     reason = again.strip() if again is not None else None
     made = plan_study(loaded.study, loaded.scenarios, participants, again=reason, anyway=(anyway or "").strip())
     print_lines(made.sentence, "", *made.balance.lines)
+
+
+# --- replayed sessions ------------------------------------------------------------------------------------------------
+
+
+def proof_lines(session: ProvedSession) -> list[str]:
+    """Describe the result for one session."""
+    found = session.comparison
+    if found is None:
+        first, *others = session.problems
+        return [f"{session.name}: not proved: {first}", *(f"  {each}" for each in others)]
+    others = [f"{session.name}: {each}" for each in (session.note, *session.problems) if each]
+    if found.identical:
+        inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
+        return [f"{session.name}: identical ({inputs}, {records}, {found.seconds:.1f} s)", *others]
+    return [f"{session.name}: different: {found.why}", *others]
+
+
+def proof_row(session: ProvedSession) -> dict[str, Any]:
+    """Return the same as JSON."""
+    found = session.comparison
+    row: dict[str, Any] = {
+        "session": session.name,
+        "identical": session.identical,
+        "proved": session.proved,
+        "problems": list(session.problems),
+        "note": session.note,
+    }
+    if found is not None:
+        row |= {
+            "inputs": found.inputs,
+            "records": found.records,
+            "seconds": found.seconds,
+            "difference": found.difference,
+            "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
+            "missing": found.missing,
+        }
+    return row
+
+
+NOT_PROVED = (
+    "that participants.csv, questionnaires, coded.json (annotations) and media.json (recordings) hold what people "
+    "gave: nothing else records it",
+    "that study.jsonl has everything that people decided after a session: no session has a copy of it",
+    "that times of day are right: only when sessions began and how long outages lasted were compared, where there are "
+    "dates",
+)
+"""What replays and comparisons leave open, also when nothing differs. The second: a line removed from the log."""
+
+
+def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> str:
+    """Say which files agree with the sessions, except for the participants of reassigned sessions.
+
+    :param files: from `compared_files`.
+    :param sessions: all sessions with their results.
+
+    >>> agreement_text(("session.toml", "study.jsonl"), ())
+    'session.toml and study.jsonl say the same of it'
+    """
+    *others, last = files
+    named = f"{', '.join(others)} and {last} say" if others else f"{last} says"
+    return f"{named} the same of it{_except_reassigned(sessions)}"
+
+
+def _except_reassigned(sessions: Iterable[ProvedSession]) -> str:
+    """End a sentence about all sessions with those that the log has reassigned. Empty: there are none."""
+    count = sum(bool(each.note) for each in sessions if each.proved)
+    return f", except the participant of {pluralize(count, 'reassigned session')}" if count else ""

@@ -40,8 +40,8 @@ from rise_engine.results.analysis.model import (
     actor_of,
 )
 from rise_engine.scenario.model import ActionSpec, Scenario
+from rise_engine.scenario.parameters import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.reading.action_declarations import core_actions
-from rise_engine.scenario.speech.spoken import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.speech.ssml import plain_words
 from rise_engine.scenario.speech.template import spoken_text
 

@@ -6,8 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from functools import cache
 
 from rise_engine.base.nearest_name import Correction, suggest
-from rise_engine.scenario.checking.memory_paths import MemoryPaths, add_session_keys, session_problem
-from rise_engine.scenario.checking.part_checks import check_parts
+from rise_engine.scenario.checking.memory_paths import MemoryPaths, add_session_keys, check_parts, session_problem
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import (
@@ -23,8 +22,8 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.reading.act_settings import ActTables
 from rise_engine.scenario.reading.conditions import check_conditions
+from rise_engine.scenario.reading.explore_tables import check_trials
 from rise_engine.scenario.reading.graph import reachable_from
-from rise_engine.scenario.reading.trials import check_trials
 
 ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 """Events that the engine raises when an act ends (semantics.md 6.1)."""

@@ -15,9 +15,8 @@ from rise_engine.scenario.checking.uses import Use, UsedKind
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.files.toml_files import TomlFile, WrittenText
 from rise_engine.scenario.model import Rule, normal_topic
-from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES
+from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES, states_named
 from rise_engine.scenario.reading.memory import LIST_KEY
-from rise_engine.scenario.reading.trials import states_named
 from rise_engine.syntax.toml import KeyPath
 
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')

@@ -18,7 +18,7 @@ from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.files.toml_files import TomlTable, is_integer, read_toml
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
-from rise_engine.scenario.speech.spoken import MESSAGE
+from rise_engine.scenario.parameters import MESSAGE
 from rise_engine.syntax.xml import is_element_name
 
 DeclarationLayer = Literal["core", "profile", "scenario"]

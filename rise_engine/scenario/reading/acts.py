@@ -13,11 +13,17 @@ from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDr
 from rise_engine.scenario.files.xml import XmlFile
 from rise_engine.scenario.grammar import COMMON
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
-from rise_engine.scenario.parameters import ParameterError, check_template, convert_parameter
+from rise_engine.scenario.parameters import (
+    LANGUAGE,
+    MESSAGE,
+    ParameterError,
+    check_template,
+    convert_parameter,
+    says_message,
+)
 from rise_engine.scenario.reading.element_reader import ElementReader
 from rise_engine.scenario.reading.graph import find_cycles
 from rise_engine.scenario.reading.ssml_checks import find_ssml_problems, languages_in
-from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.speech.ssml import begins_as_ssml, write_element
 from rise_engine.scenario.speech.template import Template, TemplateError, key_template, parse_template
 from rise_engine.syntax.xml import Element

@@ -18,8 +18,8 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable
 from rise_engine.scenario.model import ActionSpec, LexiconTable, Scenario
+from rise_engine.scenario.parameters import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.speech.languages import language_fits, language_problem
-from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.speech.ssml import begins_as_ssml, change_words, literal_ssml, plain_words
 
 MAX_WORDS = 2_000

@@ -25,10 +25,9 @@ from rise_engine.scenario.model import (
 from rise_engine.scenario.reading.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.reading.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.reading.element_reader import MIN_SECONDS
-from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES, read_explore, read_properties
+from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES, read_explore, read_properties, read_trials
 from rise_engine.scenario.reading.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.reading.suppressions import check_warning_code
-from rise_engine.scenario.reading.trials import read_trials
 from rise_engine.scenario.speech.languages import language_problem
 from rise_engine.syntax.toml import toml_key
 

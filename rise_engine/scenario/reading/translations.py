@@ -21,9 +21,9 @@ from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.files.study_paths import TEXTS_FOLDER
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, toml_of
 from rise_engine.scenario.model import Act, Action, ActionCall, RobotProfile, SourceLocation
+from rise_engine.scenario.parameters import LANGUAGE
 from rise_engine.scenario.reading.ssml_checks import find_ssml_problems
 from rise_engine.scenario.speech.languages import language_fits, language_problem
-from rise_engine.scenario.speech.spoken import LANGUAGE
 from rise_engine.scenario.speech.spoken_texts import (
     SpokenText,
     TableText,

@@ -14,8 +14,8 @@ from msgspec import Struct
 
 from rise_engine.expression.nodes import Key, Literal, Part
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, RobotProfile, SourceLocation, Table
+from rise_engine.scenario.parameters import LANGUAGE, MESSAGE, spoken_parameters
 from rise_engine.scenario.speech.languages import language_fits
-from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE, spoken_parameters
 from rise_engine.scenario.speech.ssml import plain_words
 from rise_engine.scenario.speech.template import Template
 

@@ -11,8 +11,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from rise_exchange.scxml.export import RESERVED, event_name, export_rule, key_name
-from rise_exchange.scxml.helper_functions import HELPERS, helpers_for
+from rise_exchange.scxml.export import HELPERS, RESERVED, event_name, export_rule, helpers_for, key_name
 from rise_exchange.scxml.limits import LOSSES, REFUSALS, find_losses, find_refusals
 
 from rise_engine.cli.program import main

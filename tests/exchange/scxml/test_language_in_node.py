@@ -11,8 +11,8 @@ from typing import Any
 
 import msgspec
 import pytest
+from rise_exchange.scxml.export import HELPERS
 from rise_exchange.scxml.expressions import assignment_code, condition_code, delay_code
-from rise_exchange.scxml.helper_functions import HELPERS
 
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression
 from rise_engine.kernel.rng import Rng

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from rise_engine import __version__
 from rise_engine.base.errors import FileError
 from rise_engine.cli import main
-from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot, run_on_robot
+from rise_engine.cli.data.reproduce import compare_on_robot, load_for_robot, run_on_robot
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.results.bundle.about import BundleOptions, read_about
 from rise_engine.results.bundle.courses import read_recorded

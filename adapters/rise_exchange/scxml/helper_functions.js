@@ -1,16 +1,10 @@
-"""Our condition language as functions of ECMAScript for the `<script>` of a document.
+// Our condition language as functions of ECMAScript, for the <script> of a document.
+//
+// Each implements a rule of docs/explanation/semantics.md: truth, equality, missing keys and parts (8.2, 8.4), the
+// setting of parts (8.5), lists and chance (8.6), limits (8.7), and computed times (5.5). A missing key or part is
+// undefined, which no value of a memory is. The functions use the document's data memory, seed, countdown and
+// countdowns.
 
-Each implements in JavaScript a rule of semantics.md: truth, equality, missing keys and parts (semantics.md 8.2, 8.4),
-the setting of parts (8.5), lists and chance (8.6), limits (8.7), and computed times (5.5). A missing key or part is
-`undefined`, which no value of a memory is. The functions use the document's data `memory`, `seed`, `countdown` and
-`countdowns`.
-"""
-
-from __future__ import annotations
-
-import re
-
-_SOURCE = r"""
 function key(name) {  // the value of a memory key; undefined: there is none
   if (has(memory, name)) return memory[name];
   const [head, ...names] = name.split('.');
@@ -367,26 +361,3 @@ function milliseconds(seconds) {  // of whole microseconds, half to even
   const up = /^5/.test(rest) && (/[1-9]/.test(rest.slice(1)) || Number(digits) % 2 === 1) || /^[6-9]/.test(rest);
   return (Number(units + digits) + (up ? 1 : 0)) / 1000;
 }
-"""
-
-_NAME = re.compile(r"^function (\w+)", re.MULTILINE)
-_CALLED = re.compile(r"(?<![\w.'])(\w+)(?=[(,)])")
-HELPERS: dict[str, str] = {
-    _NAME.findall(source)[0]: source.strip("\n") for source in re.split(r"\n\n(?=function )", _SOURCE.strip("\n"))
-}
-"""The source of each function, by name."""
-_USES = {
-    name: frozenset(found for found in _CALLED.findall(source) if found in HELPERS) - {name}
-    for name, source in HELPERS.items()
-}
-
-
-def helpers_for(code: str) -> list[str]:
-    """The sources of all helpers that the code calls, directly or indirectly, in this file's order."""
-    wanted = {name for name in _CALLED.findall(code) if name in HELPERS}
-    pending = list(wanted)
-    while pending:
-        new = _USES[pending.pop()] - wanted
-        wanted |= new
-        pending += new
-    return [source for name, source in HELPERS.items() if name in wanted]
