@@ -1,4 +1,4 @@
-"""The input of an evaluation (memory, sources of random numbers, places to report missing keys), and what values mean."""
+"""The input of an evaluation (memory, random numbers, places to report missing keys), and the meaning of values."""
 
 from __future__ import annotations
 

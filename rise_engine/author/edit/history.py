@@ -20,7 +20,7 @@ from rise_engine.author.edit.plan import Files
 class Step(Struct, frozen=True, eq=False):
     """A change, and the files before and after it."""
 
-    change: object
+    change: Change
     before: Files
     after: Files
 

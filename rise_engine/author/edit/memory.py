@@ -229,7 +229,8 @@ def plan_set_start_value(edit: SetStartValue, study: StudyState) -> Plan:
             says=(f"{edit.key} begins as {value_text(edit.value)} (new key)",),
             noticed=noticed,
         )
-    before = _values(name, file.text)
+    with file.refusing():
+        before = memory_values(file.text)
     was = f"was {value_text(before[edit.key])}" if edit.key in before else "new key"
     return Plan(
         splices=file.splices(memory_text_edits(file.text, {}, {edit.key: edit.value})),
@@ -244,7 +245,8 @@ def plan_remove_start_value(edit: RemoveStartValue, study: StudyState) -> Plan:
     before: dict[str, Any] = {}
     if name in study.files:
         file = file_of(study.files, name)
-        before = _values(name, file.text)
+        with file.refusing():
+            before = memory_values(file.text)
     if edit.key not in before:
         near = did_you_mean(edit.key, before)
         raise EditRefused(f"the memory key `{edit.key}` has no start value in {name}{near}")
@@ -259,13 +261,6 @@ def value_text(value: Any) -> str:
     """Format a value for a sentence."""
     text = json.dumps(value, ensure_ascii=False, default=str)  # TOML has dates and times
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
-
-
-def _values(name: str, text: str) -> dict[str, Any]:
-    try:
-        return memory_values(text)
-    except EditRefused as error:
-        raise EditRefused(f"{name}: {error}") from None
 
 
 def _check_value(key: str, value: Any) -> None:

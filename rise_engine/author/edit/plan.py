@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
@@ -63,6 +64,14 @@ class EditedText:
             self.text = data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
         except UnicodeDecodeError:
             raise EditRefused(f"{name} is not {encoding.upper()}; save it as UTF-8 first") from None
+
+    @contextmanager
+    def refusing(self) -> Iterator[None]:
+        """Put the file's name before what is refused within the block."""
+        try:
+            yield
+        except EditRefused as error:
+            raise EditRefused(f"{self.name}: {error}") from None
 
     def line(self, offset: int) -> int:
         """Return the line number of a character, from 1; as in an editor, a lone CR ends a line too."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from rise_engine.author.edit.edits import NameKind
-from rise_engine.author.edit.plan import EditedText, EditRefused, Files, Splice
+from rise_engine.author.edit.plan import EditedText, Files, Splice
 from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, read_json
 from rise_engine.expression.key_places import KeyPlace, keys_in_assignment, keys_in_slots
 from rise_engine.scenario.model import normal_topic
@@ -102,10 +102,8 @@ def data_splices(files: Files, renaming: Renaming) -> Iterator[Splice]:
 
 
 def _toml_splices(file: EditedText, change: Callable[[str], str]) -> Iterator[Splice]:
-    try:
+    with file.refusing():
         after = change(file.text)
-    except EditRefused as error:
-        raise EditRefused(f"{file.name}: {error}") from None
     return iter(file.splices(edits_between(file.text, after)))
 
 
@@ -160,34 +158,34 @@ def _tables_or_none(values: Any) -> dict[str, Any]:
 
 def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
     """Find the changes of a task file. A line that is not a JSON object stays for the reader of the file to report."""
-    edits: list[TextEdit] = []
-    at = 0
-    for line in file.text.splitlines(keepends=True):
-        if line.lstrip().startswith("{"):
-            edits += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in _line_edits(line, renaming))
-        at += len(line)
-    return file.splices(edits)
+    return _line_splices(file, lambda edits, value: _edit_task(edits, value, renaming))
 
 
 def pressed_key_splices(file: EditedText, old: str, new: str) -> tuple[Splice, ...]:
     """Find the changes of a study's test when another key of the keyboard is pressed: `{"key": "n"}`."""
-    edits: list[TextEdit] = []
+
+    def press(edits: _JsonEdits, value: JsonObject) -> None:
+        for member in value.members:
+            if member.key == "key" and member.value == old:
+                edits.replace(member.value_at, old, new)
+
+    return _line_splices(file, press)
+
+
+def _line_splices(file: EditedText, change: Callable[[_JsonEdits, JsonObject], None]) -> tuple[Splice, ...]:
+    """Change each line that is a JSON object."""
+    found: list[TextEdit] = []
     at = 0
     for line in file.text.splitlines(keepends=True):
-        found, value = _JsonEdits(line), _read(line) if line.lstrip().startswith("{") else None
-        for member in value.members if value is not None else ():
-            if member.key == "key" and member.value == old:
-                found.replace(member.value_at, old, new)
-        edits += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in found.found)
+        edits = _JsonEdits(line)
+        if line.lstrip().startswith("{") and (value := _read(line)) is not None:
+            change(edits, value)
+        found += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in edits.found)
         at += len(line)
-    return file.splices(edits)
+    return file.splices(found)
 
 
-def _line_edits(line: str, renaming: Renaming) -> list[TextEdit]:
-    value = _read(line)
-    if value is None:
-        return []
-    edits = _JsonEdits(line)
+def _edit_task(edits: _JsonEdits, value: JsonObject, renaming: Renaming) -> None:
     function = value.get("function_type")
     for member in value.members:
         if member.key == "domain_task_behavior" and isinstance(function, str):
@@ -199,7 +197,6 @@ def _line_edits(line: str, renaming: Renaming) -> list[TextEdit]:
             _edit_expectation(edits, member.value, renaming)
         elif member.key == "memory":
             edits.rename_keys(member.value, renaming.key)
-    return edits.found
 
 
 class _JsonEdits:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -23,17 +22,16 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
     """
     _check_path(edit.file, edit.path)
     file = _file(study, edit.file, new=edit.value is not None)
-    before = _read(file)
-    found, old = before.find(edit.path)
-    if edit.value is None:
-        after = _changed(file, lambda text: remove_value(text, edit.path))
-        wanted = _without(before.values, edit.path)
-        says = f"{_label(edit)} is not set any more (was {value_text(old)})"
-    else:
-        after = _changed(file, lambda text: set_value(text, edit.path, edit.value))
-        wanted = _with(before.values, edit.path, edit.value)
-        says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
-    _check_outcome(file, after, wanted)
+    with file.refusing():
+        before = TomlText(file.text)
+        found, old = before.find(edit.path)
+        if edit.value is None:
+            after = remove_value(file.text, edit.path)
+            says = f"{_label(edit)} is not set any more (was {value_text(old)})"
+        else:
+            after = set_value(file.text, edit.path, edit.value)
+            says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
+    _check_outcome(file, after, _with(before.values, edit.path, edit.value))
     noticed = _comments_gone(file, after)
     if edit.file not in study.files:
         return Plan(written={edit.file: after.encode()}, says=(says,))
@@ -47,12 +45,11 @@ def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
     """
     _check_path(edit.file, (*edit.path, edit.name))
     file = _file(study, edit.file)
-    before = _read(file)
-    after = _changed(file, lambda text: rename_key(text, edit.path, edit.name))
-    wanted = copy.deepcopy(before.values)
-    holder = _holder(wanted, edit.path)
-    holder[edit.name] = holder.pop(edit.path[-1])
-    _check_outcome(file, after, wanted)
+    with file.refusing():
+        before = TomlText(file.text)
+        after = rename_key(file.text, edit.path, edit.name)
+    wanted = _with(before.values, edit.path, None)
+    _check_outcome(file, after, _with(wanted, (*edit.path[:-1], edit.name), before.find(edit.path)[1]))
     says = f"{_label(edit)} is called {edit.name} now"
     splices = file.splices(edits_between(file.text, after))
     if edit.file == SCENARIO_FILE and edit.path[:-1] == ("keys",):
@@ -76,20 +73,6 @@ def _file(study: StudyState, name: str, *, new: bool = False) -> EditedText:
     if new:
         return EditedText(name, b"")
     raise EditRefused(f"there is no file {name} in this study")
-
-
-def _read(file: EditedText) -> TomlText:
-    try:
-        return TomlText(file.text)
-    except EditRefused as error:
-        raise EditRefused(f"{file.name}: {error}") from None
-
-
-def _changed(file: EditedText, change: Callable[[str], str]) -> str:
-    try:
-        return change(file.text)
-    except EditRefused as error:
-        raise EditRefused(f"{file.name}: {error}") from None
 
 
 def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None:
@@ -127,43 +110,17 @@ def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
     return tuple(gone)
 
 
-def _holder(values: Any, path: KeyPath, *, make: bool = False) -> Any:
-    """Return the table or list that holds the last part of a path."""
-    for at, part in enumerate(path[:-1]):
-        if isinstance(values, list):
-            if make and int(part) == len(values):
-                values.append({})
-            values = values[int(part)]
-        else:
-            if make and part not in values:
-                values[part] = {}
-            values = values[part]
-        if not isinstance(values, dict | list):
-            raise EditRefused(f"`{'.'.join(path[: at + 1])}` is not a table")
-    return values
-
-
-def _with(values: dict[str, Any], path: KeyPath, value: Any) -> dict[str, Any]:
-    wanted = copy.deepcopy(values)
-    holder = _holder(wanted, path, make=True)
-    if isinstance(holder, list):
-        if int(path[-1]) == len(holder):
-            holder.append(value)
-        else:
-            holder[int(path[-1])] = value
-    else:
-        holder[path[-1]] = value
-    return wanted
-
-
-def _without(values: dict[str, Any], path: KeyPath) -> dict[str, Any]:
-    wanted = copy.deepcopy(values)
-    holder = _holder(wanted, path)
-    if isinstance(holder, list):
-        del holder[int(path[-1])]
-    else:
-        del holder[path[-1]]
-    return wanted
+def _with(values: Any, path: KeyPath, value: Any) -> Any:
+    """Return values with an entry set, or without it for None."""
+    if not path:
+        return value
+    name, *rest = path
+    if isinstance(values, list):
+        at = int(name)
+        inner = _with(values[at] if at < len(values) else {}, tuple(rest), value)
+        return [*values[:at], *([] if inner is None else [inner]), *values[at + 1 :]]
+    inner = _with(values.get(name, {}), tuple(rest), value)
+    return {key: each for key, each in {**values, name: inner}.items() if each is not None}
 
 
 _KEY_WORDS = {"act": "starts the act", "rule": "starts the rule", "event": "raises the event", "set": "sets"}

@@ -128,8 +128,8 @@ class Workspace:
     def changes(self) -> Sequence[Change]:
         """The unsaved changes, in order, with those that were saved and then undone first."""
         back, made = self._history.unsaved
-        taken = [Change((), tuple(f"taken back: {sentence}" for sentence in _change(step).says)) for step in back]
-        return [*taken, *map(_change, made)]
+        taken = [Change((), tuple(f"taken back: {sentence}" for sentence in step.change.says)) for step in back]
+        return [*taken, *(step.change for step in made)]
 
     def _state_of(self, files: Files) -> StudyState:
         held = {**dict.fromkeys(self.saved.keys() - files.keys()), **files}
@@ -206,7 +206,7 @@ class Workspace:
     def _go_to(self, step: Step, files: Files) -> Change:
         self.files = files
         self._keep_draft()
-        return _change(step)
+        return step.change
 
     def diff(self) -> str:
         """Show what saving would change, as `diff -u` does."""
@@ -339,8 +339,3 @@ def _with_files(files: Files, names: Collection[str], source: Mapping[str, bytes
     """Replace some files by those in `source`; a file that it does not have is removed."""
     taken = {name: data for name in names if (data := source.get(name)) is not None}
     return {**{name: data for name, data in files.items() if name not in names}, **taken}
-
-
-def _change(step: Step) -> Change:
-    assert isinstance(step.change, Change)
-    return step.change

@@ -9,7 +9,7 @@ import asyncio
 import shlex
 import sys
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 from msgspec import Struct
 
@@ -37,37 +37,20 @@ class CheckOptions(Struct, frozen=True):
     """`--skip-check ID=REASON`."""
 
 
-class CheckTerminal(Protocol):
-    """A terminal where somebody reads the results of checks, and answers."""
+class StandardTerminal:
+    """Standard input and standard error, where somebody reads the results of checks, and answers."""
 
     @property
     def answers(self) -> bool:
         """Whether somebody can answer."""
-        ...
-
-    def show(self, line: str) -> None:
-        """Show a line."""
-        ...
-
-    def ask(self, question: str) -> str:
-        """Ask a question, and return what the user types.
-
-        :raises EOFError: the input has ended.
-        """
-        ...
-
-
-class StandardTerminal:
-    """Standard input and standard error."""
-
-    @property
-    def answers(self) -> bool:
         return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
     def show(self, line: str) -> None:
+        """Show a line."""
         print_notes(line)
 
     def ask(self, question: str) -> str:
+        """Ask a question, and return what the user types. :raises EOFError: the input has ended."""
         print(f"{question} ", end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
         if not line:
@@ -80,7 +63,7 @@ def gather_check_reports(
     context: CheckContext,
     options: CheckOptions,
     when: Literal["before", "after"] = "before",
-    terminal: CheckTerminal | None = None,
+    terminal: StandardTerminal | None = None,
 ) -> tuple[CheckReport, ...]:
     """Make the checks of a study, one after the other, and write each result to study.jsonl.
 
@@ -175,7 +158,7 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
 class _Gathering:
     """One pass through the checks."""
 
-    def __init__(self, context: CheckContext, chosen: ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
+    def __init__(self, context: CheckContext, chosen: ChosenChecks, terminal: StandardTerminal, binding: bool) -> None:
         self._context = context
         self._chosen = chosen
         self._terminal = terminal

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
-from rise_exchange.bml.act_files import act_file_text
 from rise_exchange.bml.findings import ConversionFindings
 from rise_exchange.bml.names import BmlNames
 from rise_exchange.bml.schema import block_schema_text
-from rise_exchange.bml.writing import write_act
+from rise_exchange.bml.writing import act_file_text, write_act
 
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Action, ActionCall, ActSettings, Scenario
