@@ -19,6 +19,7 @@ from rise_engine.author.edit import (
 )
 from rise_engine.author.edit.edits import Edit, ReplaceFile
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, StudyState
+from rise_engine.expression.errors import shorten
 from rise_engine.scenario.files.source_files import MAX_BYTES
 from rise_engine.scenario.files.study_paths import why_none_written
 
@@ -54,12 +55,8 @@ def _what_differs(file: str, old: bytes, new: str) -> str:
     changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]
     if len(changed) != 1 or len(before) != len(after):
         return f"{file} is written anew"
-    was, is_now = (_short(" ".join(lines[changed[0]].split())) for lines in (before, after))
+    was, is_now = (shorten(" ".join(lines[changed[0]].split()), _SHOWN) for lines in (before, after))
     return f"{file}, line {changed[0] + 1}, is “{is_now}” (was “{was}”)"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
 _OF_FILES: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace_file}

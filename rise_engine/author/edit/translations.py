@@ -19,6 +19,7 @@ from rise_engine.author.edit.outline import Outline, WrittenValue
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, Splice, StudyState, file_of
 from rise_engine.author.edit.settings import plan_set_setting
 from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.expression.errors import shorten
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.reading.translations import language_file
 from rise_engine.scenario.speech.languages import language_problem
@@ -45,7 +46,7 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
     if not value:
         raise EditRefused(f"the translation of `{text.id}` is empty; to have none, remove it")
     entries = {"text": value, "of": text.text}
-    says = f"{text.id} in {language}: “{_short(value)}”"
+    says = f"{text.id} in {language}: “{shorten(value, _SHOWN)}”"
     if name not in study.files:
         content = f"[{toml_key(text.act)}]\n{_pair_text(text.key, entries)}\n"
         return Plan(written={name: content.encode()}, says=(f"{says} (the first in {language})",))
@@ -55,7 +56,7 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
     if not found:
         after, was = changed_text(file.text, [_insertion(toml, text, entries, study.checked.texts)]), " (new)"
     else:
-        after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{_short(_said(before))}”)"
+        after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{shorten(_said(before), _SHOWN)}”)"
         was = ": it is right still" if _said(before) == value else was
     return Plan(splices=_splices(file, after), says=(says + was,))
 
@@ -123,7 +124,8 @@ def _plan_removal(edit: SetTranslation, study: StudyState, name: str) -> Plan:
     found, before = _read(file).find((edit.act, edit.text)) if file is not None else (False, None)
     if file is None or not found:
         raise EditRefused(f"`{edit.act}/{edit.text}` has no translation into `{edit.language}`")
-    says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{_short(_said(before))}”)"
+    was = shorten(_said(before), _SHOWN)
+    says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{was}”)"
     return Plan(splices=_splices(file, remove_value(file.text, (edit.act, edit.text))), says=(says,))
 
 
@@ -223,10 +225,6 @@ def _inline(entries: Mapping[str, str]) -> str:
 def _quoted(text: str) -> str:
     """Quote a text for TOML, in single quotation marks if it contains double ones and the form allows it."""
     return toml_value(text, like="'" if '"' in text else "")
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
 PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, Path, is_planned, some_states
 from rise_engine.author.explore.space import Number
+from rise_engine.scenario.reading.graph import component_numbers
 
 
 def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
@@ -98,7 +99,12 @@ def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
     spontaneous = [move.is_spontaneous for move in explored.space.moves]
     rounds: Counter[str] = Counter()
     first: dict[str, Number] = {}
-    component = _components(explored, spontaneous)
+    component = component_numbers(
+        {
+            number: [edges[at + 1] for at in range(0, len(edges), 3) if spontaneous[edges[at]]]
+            for number, edges in enumerate(explored.space.edges)
+        }
+    )
     for number, edges in enumerate(explored.space.edges):
         for at in range(0, len(edges), 3):
             if spontaneous[edges[at]] and component[edges[at + 1]] == component[number]:
@@ -200,48 +206,3 @@ def _share(explored: Explored, numbers: list[Number]) -> str:
 def _path(explored: Explored, numbers: list[Number]) -> Path | None:
     nearest = explored.paths.nearest(numbers)
     return explored.paths.to(nearest) if nearest is not None else None
-
-
-def _components(explored: Explored, allowed: list[bool]) -> list[int]:
-    """Find for each situation the group that can all reach each other by allowed moves.
-
-    Source: R. Tarjan, Depth-first search and linear graph algorithms, 1972.
-    """
-    count = len(explored.situations)
-    order = [0] * count
-    low = [0] * count
-    component = [-1] * count
-    stack: list[Number] = []
-    counter = 0
-    edges = explored.space.edges
-    for root in range(count):
-        if order[root]:
-            continue
-        work: list[tuple[Number, int]] = [(root, 0)]
-        while work:
-            number, at = work.pop()
-            if at == 0 and not order[number]:
-                counter += 1
-                order[number] = low[number] = counter
-                stack.append(number)
-            own = edges[number]
-            pushed = False
-            while at < len(own):
-                if allowed[own[at]]:
-                    target = own[at + 1]
-                    if not order[target]:
-                        work += [(number, at), (target, 0)]
-                        pushed = True
-                        break
-                    if component[target] < 0:
-                        low[number] = min(low[number], low[target])
-                at += 3
-            if pushed:
-                continue
-            if low[number] == order[number]:
-                while True:
-                    member = stack.pop()
-                    component[member] = number
-                    if member == number:
-                        break
-    return component

@@ -18,6 +18,7 @@ from rise_engine.author.texts.table import FIXED_COLUMNS, ReadRow, ReadTable, id
 from rise_engine.base.errors import ExchangeError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
+from rise_engine.expression.errors import shorten
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.reading.ssml_checks import find_ssml_problems
 from rise_engine.scenario.reading.translations import LanguageTexts, slot_problem
@@ -154,8 +155,10 @@ class _Importer:
             self._refuse(row, id, "its cell `of` is empty, so its original text is unknown")
         elif of != text.text:
             if said != of or any(self._is_other(row, text, column) for column in changed):
-                now = _short(text.text)
-                why = f"the text was changed since the table was made: it is “{now}” now, and was “{_short(of)}”"
+                now = shorten(text.text, _SHOWN)
+                why = (
+                    f"the text was changed since the table was made: it is “{now}” now, and was “{shorten(of, _SHOWN)}”"
+                )
                 self._refuse(row, id, why)
         else:
             template = text.template if isinstance(text, SpokenText) else None
@@ -219,13 +222,13 @@ class _Importer:
         if check is not None and text_check(given) == check:
             return  # only the study has changed it
         if not given:
-            self._refuse(row, text.id, f"the cell `{column}` is empty; “{_short(now)}” stays what it says")
+            self._refuse(row, text.id, f"the cell `{column}` is empty; “{shorten(now, _SHOWN)}” stays what it says")
         elif check is None and now:
-            why = f"the table does not say (in `check`) what `{column}` was; it is “{_short(now)}” now"
+            why = f"the table does not say (in `check`) what `{column}` was; it is “{shorten(now, _SHOWN)}” now"
             self._refuse(row, text.id, f"{why}, and not changed")
         elif check is not None and text_check(now) != check:
-            why = f"`{column}` was changed in the study, too, since the table was made: “{_short(now)}” there"
-            self._refuse(row, text.id, f"{why}, “{_short(given)}” here")
+            why = f"`{column}` was changed in the study, too, since the table was made: “{shorten(now, _SHOWN)}” there"
+            self._refuse(row, text.id, f"{why}, “{shorten(given, _SHOWN)}” here")
         else:
             translated, problem = _read_template(given) if template is not None else (None, "")
             if template is not None and translated is not None:
@@ -279,10 +282,6 @@ def _normal(cell: str) -> str:
 def _checks(cell: str) -> dict[str, str]:
     """Return the check sums of the translations that the table was made with, by language."""
     return {tag: value for tag, _, value in (each.rpartition(":") for each in cell.split()) if tag}
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
 def summary(found: TextImport) -> str:

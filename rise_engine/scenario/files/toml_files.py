@@ -303,6 +303,23 @@ class TomlTable:
         self.report_value("wrong-type", key, f'`{key}` is a list of texts: ["...", "..."]')
         return usual
 
+    def read_label(self, example: str, longest: int, if_empty: str) -> str:
+        """Read `label`, a name on screens, in one line; empty if there is none. `if_empty` says what to write."""
+        written = self.read("label", str, None, form=f": label = {example}")
+        if written is None:
+            return ""
+        label = " ".join(written.split())
+        if not label:
+            self.report_value("missing-value", "label", f"`label` is empty; {if_empty}")
+        elif len(label) > longest:
+            message = f"`label` has {len(label)} characters; there is room for {longest}"
+            self.report_value("out-of-range", "label", message)
+        elif not label.isprintable():
+            self.report_value("wrong-value", "label", "`label` has a character that cannot be shown")
+        else:
+            return label
+        return ""
+
     def read_number(self, key: str, usual: float | None, of: str = "") -> float | None:
         """Read a number, or None. `of` ends its name in a message: ` of seconds`."""
         value = self.values.get(key, usual)

@@ -134,24 +134,8 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
         locate = partial(inner.key_location, "memory", key)
         draft.condition_values.append(ConditionValue(key, locate, name, value))
         draft.settable_keys.add(key)
-    return Condition(dict(values), _read_label(inner), label_only, inner.key_location())
-
-
-def _read_label(table: TomlTable) -> str:
-    value = table.read("label", str, None, form=': label = "A"')
-    if value is None:
-        return ""
-    label = " ".join(value.split())
-    if not label:
-        table.report_value("missing-value", "label", "`label` is empty; write what screens show, or leave it out")
-    elif len(label) > MAX_CONDITION_LABEL:
-        message = f"`label` has {len(label)} characters; there is room for {MAX_CONDITION_LABEL}"
-        table.report_value("out-of-range", "label", message)
-    elif not label.isprintable():
-        table.report_value("wrong-value", "label", "`label` has a character that cannot be shown")
-    else:
-        return label
-    return ""
+    label = inner.read_label('"A"', MAX_CONDITION_LABEL, "write what screens show, or leave it out")
+    return Condition(dict(values), label, label_only, inner.key_location())
 
 
 def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:

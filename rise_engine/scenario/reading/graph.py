@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from typing import TypeVar
+
+Node = TypeVar("Node", bound=Hashable)
 
 
 def find_cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
@@ -29,12 +32,12 @@ def find_cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
             yield cycle[::-1]
 
 
-def _strongly_connected_components(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
+def _strongly_connected_components(edges: Mapping[Node, Iterable[Node]]) -> Iterator[list[Node]]:
     """The strongly connected components (Tarjan, SIAM J. Comput. 1 (2), 1972), without recursion."""
-    number: dict[str, int] = {}
-    lowest: dict[str, int] = {}
-    stack: list[str] = []
-    on_stack: set[str] = set()
+    number: dict[Node, int] = {}
+    lowest: dict[Node, int] = {}
+    stack: list[Node] = []
+    on_stack: set[Node] = set()
     for start in edges:
         if start in number:
             continue
@@ -79,7 +82,7 @@ def reachable_from(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
     return found
 
 
-def component_numbers(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
+def component_numbers(edges: Mapping[Node, Iterable[Node]]) -> dict[Node, int]:
     """Number each node's strongly connected component: nodes that can be reached from each other share a number.
 
     Every node must be a key, even if nothing leads from it.

@@ -199,7 +199,8 @@ class ScenarioSettings:
             return None
         inner = TomlTable(table.file, ("keys", written), table.values[written], table.diagnostics)
         inner.report_unknown_keys((*BINDINGS, "label", *_START_KEYS, "keep"))
-        title = self.read_label(inner)
+        if_empty = "write what the key means in a word or two, or leave `label` out"
+        title = inner.read_label('"not understood"', MAX_LABEL_LENGTH, if_empty)
         given = [name for name in BINDINGS if name in inner.values]
         if len(given) != 1:
             if len(given) > 1 or not inner.values.keys() - {"label", *_START_KEYS}:
@@ -270,24 +271,6 @@ class ScenarioSettings:
         locate = partial(binding.value_location, "state")
         self.draft.state_mentions.append(StateMention(state.strip(), locate, rule))
         return state.strip(), enter
-
-    def read_label(self, binding: TomlTable) -> str:
-        """Read the author's name for a key: a word or two, or empty."""
-        value = binding.read("label", str, None, form=': label = "not understood"')
-        if value is None:
-            return ""
-        title = " ".join(value.split())
-        if not title:
-            message = "`label` is empty; write what the key means in a word or two, or leave `label` out"
-            binding.report_value("missing-value", "label", message)
-        elif len(title) > MAX_LABEL_LENGTH:
-            message = f"`label` has {len(title)} characters; there is room for {MAX_LABEL_LENGTH}"
-            binding.report_value("out-of-range", "label", message)
-        elif not title.isprintable():
-            binding.report_value("wrong-value", "label", "`label` has a character that cannot be shown")
-        else:
-            return title
-        return ""
 
     def read_fillers(self) -> FillerSettings:
         table = self.table.section("fillers", ("offer_after", "auto_after"))

@@ -15,6 +15,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import suggest
+from rise_engine.expression.errors import shorten
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.files.source_files import FileReader
@@ -214,8 +215,8 @@ class TranslationReader:
     def _compare_text(self, text: SpokenText, given: Translation, *, is_asked: bool) -> None:
         problem, is_stale = slot_problem(text.template, given.template), given.of != text.text
         if is_stale:
-            message = f"the text has changed since: it is “{_short(text.text)}” now, and this translates "
-            message += f"“{_short(given.of)}”; translate it anew, or write what it is now into `of`"
+            message = f"the text has changed since: it is “{shorten(text.text, _SHOWN)}” now, and this translates "
+            message += f"“{shorten(given.of, _SHOWN)}”; translate it anew, or write what it is now into `of`"
             self.diagnostics.warning("stale-translation", given.location, message)
         if problem and (not is_stale or is_asked):
             self.diagnostics.error("slot-differs", given.text_location, problem)
@@ -353,10 +354,8 @@ def slot_problem(original: Template, translation: Template) -> str:
 def _missing_text(act: str, texts: list[SpokenText], language: str) -> str:
     """Say that these texts of an act are not translated."""
     if len(texts) == 1:
-        return f"a text of `{act}` is not translated into `{language}`: {texts[0].key}, “{_short(texts[0].text)}”"
+        return (
+            f"a text of `{act}` is not translated into `{language}`: {texts[0].key}, “{shorten(texts[0].text, _SHOWN)}”"
+        )
     listed = ", ".join(text.key for text in texts[:_LISTED]) + (", ..." if len(texts) > _LISTED else "")
     return f"{len(texts)} texts of `{act}` are not translated into `{language}`: {listed}"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
-from rise_exchange.bml.findings import ConversionFindings
-from rise_exchange.bml.names import BmlNames
+from rise_exchange.bml.names import BmlNames, ConversionFindings
 from rise_exchange.bml.schema import block_schema_text
 from rise_exchange.bml.writing import act_file_text, write_act
 
