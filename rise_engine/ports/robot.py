@@ -205,6 +205,12 @@ class RobotAmongOthers(Robot, Protocol):
         """Stop nothing more, because the stop was released."""
         ...
 
+
+@runtime_checkable
+class RobotWithEstop(Robot, Protocol):
+    """A robot whose adapter hears an emergency stop. Without this method, one that was pressed stays pressed for the
+    engine that continues the session, until the adapter reports that it was let go."""
+
     def adopt_estop(self, held_by: Sequence[str]) -> None:
         """Take these as pressed until they are let go. Called once, before `connect`, if a session is continued.
 

@@ -25,7 +25,7 @@ from rise_engine.kernel.commands import (
     StopRobot,
 )
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
-from rise_engine.ports.robot import Robot, RobotAmongOthers, RobotWithOpenGoals, Timer
+from rise_engine.ports.robot import Robot, RobotAmongOthers, RobotWithEstop, RobotWithOpenGoals, Timer
 from rise_engine.run.engine.clock import SessionClock
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.reading.lexicon import RobotWording
@@ -83,7 +83,7 @@ class CommandRunner:
         emergency stops that were pressed for it."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
-        if held_by and isinstance(robot, RobotAmongOthers):
+        if held_by and isinstance(robot, RobotWithEstop):
             self._call_robot("take over its emergency stop", lambda: robot.adopt_estop(tuple(held_by)))
         if goals and isinstance(robot, RobotWithOpenGoals):
             self._call_robot("take over what it may be doing", lambda: robot.adopt(goals))

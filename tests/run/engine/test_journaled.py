@@ -558,6 +558,13 @@ def test_the_robot_knows_which_emergency_stops_were_pressed_for_an_earlier_engin
     assert robot.calls == ["pressed estop:/door"]
 
 
+def test_a_robot_hears_of_its_emergency_stop_although_its_adapter_knows_nothing_of_others() -> None:
+    alone = type("Alone", (), {name: its for name, its in vars(Robot).items() if name != "end_stop"})
+    robot = alone()
+    CommandRunner(robot, scenario(GREETING), VirtualClock(), lambda input: None).connect((), ["estop:/door"])
+    assert robot.calls == ["pressed estop:/door"]
+
+
 async def test_a_rule_begins_nothing_after_an_end_that_cannot_be_recorded(tmp_path: Path) -> None:
     """Its timer is due while the disk is full: no act runs, so the robot is not busy."""
     disk = FullDisk()

@@ -166,7 +166,7 @@ class Ros2Robot:
                 made.adopt(accepted=goal.accepted)
 
     def adopt_estop(self, held_by: Sequence[str]) -> None:
-        """As `rise_engine.ports.robot.RobotAmongOthers.adopt_estop`; before `connect`."""
+        """As `rise_engine.ports.robot.RobotWithEstop.adopt_estop`; before `connect`."""
         self._held_by = held_by
 
     def cancel_open_goals(self, part: str) -> None:
