@@ -126,6 +126,14 @@ def test_a_base_that_is_cut_off_has_not_heard_because_a_tool_begins_to_listen(to
     assert set(base) == {"neutral"} and eyes.of(RobotChanged)[-1].open == ()
 
 
+def test_a_base_that_wants_another_quality_is_named_although_a_bag_hears_everything() -> None:
+    eyes = Eyes(listening=False, **RESET, qos={"reliability": "best_effort"})
+    listen(eyes, "/base", QoS(reliable=True))
+    listen(eyes, "/rosbag2_recorder", QoS(reliable=False))
+    eyes.run(8)
+    assert "/pepper/eyes is wanted reliably by the node /base" in eyes.of(RobotChanged)[-1].detail
+
+
 def test_a_base_that_is_listed_after_its_first_order_has_heard_the_reset(monkeypatch: pytest.MonkeyPatch) -> None:
     eyes = Eyes(listening=False, **RESET)
     heard = listen(eyes, "/base")

@@ -161,12 +161,19 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
     return found
 
 
+def only_looks_on(node: str) -> bool:
+    """Whether a node only records or shows messages: a bag's, or a hidden one, such as that of `ros2 topic echo`."""
+    return node.rpartition("/")[2].startswith(("rosbag2_", "_"))
+
+
 def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     full = transport.resolve(mapping.name)
     found = EndpointComparison()
     misfits: list[Misfit] = []
     fits = False
     for end in transport.subscriber_endpoints(full):
+        if only_looks_on(end.node):
+            continue
         found.seen.append(describe_node(end.node))
         misfit = _type_misfit(transport, mapping, full, end, mapping.type, found)
         if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
@@ -179,7 +186,7 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
         else:
             misfits.append(misfit)
     found.complete = bool(found.seen)
-    if not fits:  # otherwise these only listen, too, like `ros2 topic echo`
+    if not fits:  # otherwise these only listen, too
         found.unusable += misfits
     return found
 

@@ -369,7 +369,7 @@ class TopicEndpoint(_ComparedEndpoint):
             if end.type == self._mapping.type and not compatibility.qos_conflict(own, end.qos)
         ]
         unknown = 0 if ends or self._transport.failure() else self.publisher.count_subscribers()
-        ends = [end for end in ends if not _only_looks_on(end.node)]
+        ends = [end for end in ends if not compatibility.only_looks_on(end.node)]
         self._is_lossy = not own.reliable or any(end.qos is not None and not end.qos.reliable for end in ends)
         unknown += sum(not end.program for end in ends)
         nodes: dict[bytes, set[str]] = {b"%d" % number: set() for number in range(unknown)}
@@ -458,11 +458,6 @@ class TopicEndpoint(_ComparedEndpoint):
 
     def close(self) -> None:
         self.publisher.close()
-
-
-def _only_looks_on(node: str) -> bool:
-    """Whether a node only records or shows messages: a bag's, or a hidden one, such as that of `ros2 topic echo`."""
-    return node.rpartition("/")[2].startswith(("rosbag2_", "_"))
 
 
 class ServiceEndpoint(_ComparedEndpoint):
