@@ -48,6 +48,8 @@ from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 PART = "pepper/speech"
 ENOUGH = 100
 """More events than any state of one goal is away."""
+EARLIER = bytes([100] * 16)
+"""The id of a goal that has ended long ago."""
 OTHER = bytes([200] * 16)
 """The id of a goal of somebody else."""
 SETTLE = 0.6
@@ -81,8 +83,8 @@ class RobotGoal(Struct):
 class Program:
     """The robot's program: one action server in a process."""
 
-    def __init__(self, world: World) -> None:
-        self.transport = MemoryTransport(world.wire, world.loop, "/robot")
+    def __init__(self, world: World, node: str = "/robot") -> None:
+        self.transport = MemoryTransport(world.wire, world.loop, node)
         self.goals: dict[bytes, RobotGoal] = {}
         self.cancels: list[tuple[bytes, SendReply]] = []
         """Requests to cancel that are not answered yet."""
@@ -194,6 +196,8 @@ class World:
         self.reports: list[RobotReport] = []
         self.started: list[StartAction] = []
         self.program: Program | None = None
+        self.twin: Program | None = None
+        """Somebody has started the robot's program twice."""
         self.programs: list[Program] = []
         self.is_cut = False
         self.is_stopped = False
@@ -312,7 +316,24 @@ class World:
             self.programs.append(self.program)
             if self.is_cut:
                 self.wire.forget("/robot")
-            self._find()
+            if self.twin is None:
+                self._find()
+
+    def twin_comes(self) -> None:
+        """It has had a goal once, and its last status is latched."""
+        if self.twin is None and self.program is not None:
+            self.graph += 1
+            self.twin = Program(self, "/twin")
+            self.twin.goals[EARLIER] = RobotGoal(EARLIER, [], SUCCEEDED)
+            self.twin._tell()
+            self.programs.append(self.twin)
+
+    def twin_goes(self) -> None:
+        if self.twin is not None:
+            self.graph += 1
+            self.twin.transport.close()
+            self.programs.remove(self.twin)
+            self.twin = None
 
     def cut(self) -> None:
         """The link is gone, and both sides have noticed; the robot goes on."""
@@ -370,6 +391,8 @@ class World:
             "refuses_to_stop": is_to_stop,
             "program_ends": self.program is not None,
             "new_program": self.program is None,
+            "twin_comes": self.twin is None and self.program is not None,
+            "twin_goes": self.twin is not None,
             "cut": not self.is_cut,
             "heal": self.is_cut,
         }
@@ -412,6 +435,7 @@ class World:
             repr(truth),
             self.is_cut,
             self.program is None,
+            self.twin is None,
             len(self.started),
             None if said is None else (said.confirmed, said.unconfirmed),
             {goal.action for goal in self.open()} == set(),
@@ -425,9 +449,13 @@ EVENTS: dict[str, Callable[[World], None]] = {
     for name in (
         *("start", "cancel", "stop", "wait", "release"),
         *("take", "take_unheard", "refuse", "finish", "other_begins", "is_stopped_by_robot", "refuses_to_stop"),
-        *("program_ends", "new_program", "cut", "heal", "engine_dies"),
+        *("program_ends", "new_program", "twin_comes", "twin_goes", "cut", "heal", "engine_dies"),
     )
 }
+
+
+TWIN = ("twin_comes", "twin_goes")
+"""Left out unless asked for: one that is cut off beside a twin cannot be told from one that was started again."""
 
 
 def play(names: tuple[str, ...], goals: int = 2) -> World:
@@ -468,6 +496,8 @@ def check_that_nothing_is_held_for_ever(world: World) -> None:
     world.heal()
     world.new_program()
     world.settle()
+    world.twin_goes()
+    world.settle()
     for _ in (*world.started, "of others"):
         world.take()
         world.settle()
@@ -497,7 +527,7 @@ class Exploration(NamedTuple):
     """There is no other state that the model tells apart: every event leads from each of them to one of them."""
 
 
-def explore(depth: int, *, goals: int = 2, without: Collection[str] = ()) -> Exploration:
+def explore(depth: int, *, goals: int = 2, without: Collection[str] = TWIN) -> Exploration:
     """Play every sequence of up to `depth` events, but for those that lead to the same state as one before."""
     seen: set[object] = set()
     frontier: list[tuple[str, ...]] = [(), ("start",)]
@@ -522,7 +552,7 @@ def walk(seed: int, events: int = 30) -> None:
     how long ago something happened may make a difference."""
     draw = random.Random(seed)
     world = World()
-    for name in ("start", *draw.choices(list(EVENTS), k=events)):
+    for name in ("start", *draw.choices([name for name in EVENTS if name not in TWIN], k=events)):
         EVENTS[name](world)
         world.settle()
         check(world)

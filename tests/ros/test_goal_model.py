@@ -6,7 +6,7 @@ import pytest
 
 from tests.chance import SEARCH, seeds
 from tests.ros import goal_model
-from tests.ros.goal_model import World, play
+from tests.ros.goal_model import TWIN, World, play
 
 DEPTH, ORDERS = (5, 2_000) if SEARCH else (3, 200)
 """Events after the start, and how many orders of them there are at least. `./dev soak --goals 6` explores further."""
@@ -18,7 +18,7 @@ def test_whatever_happens_the_session_says_what_is_so() -> None:
 
 def test_every_state_of_one_goal_is_explored() -> None:
     """Whatever the robot, the network, the wizard and the engine do: there are no more states than these."""
-    found = goal_model.explore(goal_model.ENOUGH, goals=1, without=() if SEARCH else ("other_begins",))
+    found = goal_model.explore(goal_model.ENOUGH, goals=1, without=(*TWIN, *(() if SEARCH else ("other_begins",))))
     assert found.is_whole and found.states > (1_000 if SEARCH else 500)
 
 
@@ -26,6 +26,12 @@ def test_every_state_without_a_goal_of_the_session_is_explored() -> None:
     """Somebody else may have begun something, before or after the session has found the robot."""
     found = goal_model.explore(goal_model.ENOUGH, goals=0)
     assert found.is_whole and found.states > 200
+
+
+def test_while_a_second_program_comes_and_goes_the_session_says_what_is_so() -> None:
+    never = ("cut", "heal", "engine_dies", "release", "take_unheard", "refuse")
+    assert goal_model.explore(goal_model.ENOUGH, goals=0, without=never).is_whole
+    assert goal_model.explore(6 if SEARCH else 4, goals=1, without=never).states > 200
 
 
 @pytest.mark.search
