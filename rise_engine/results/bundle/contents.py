@@ -1,7 +1,8 @@
 """The files of a bundle beside its sessions: those of the study, and the program with its environment.
 
 The program is a wheel in `program/`, so that others can have the same. `environment.txt` has the versions of everything
-that it needs."""
+that it needs.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,14 @@ from msgspec import Struct
 from rise_engine.results.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.results.analysis.statistics import Share, Summary, summarise
 from rise_engine.results.analysis.trials import NoNumber, trials_of
-from rise_engine.results.report.session_facts import BANDS, LatencyFacts, LatencyPart, SessionFigures, session_figures
+from rise_engine.results.report.session_facts import (
+    BANDS,
+    LatencyFacts,
+    LatencyPart,
+    SessionFigures,
+    latencies,
+    session_figures,
+)
 from rise_engine.study.checks import asks_debriefing, check_text
 from rise_engine.study.model import Study, StudyCheck
 from rise_engine.study.study_scenarios import scenario_of
@@ -254,25 +261,18 @@ def study_figures(
 
 def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
     """Pool the latencies of several sessions as if they were one."""
-    names = dict.fromkeys((part.name, part.about) for facts in found for part in facts.parts)
+    every = [latencies(()), *found]  # the parts have their names even if there is no session
     return LatencyFacts(
-        parts=tuple(
-            LatencyPart(
-                name,
-                about,
-                tuple(v for facts in found for part in facts.parts if part.name == name for v in part.values),
-            )
-            for name, about in names
-        ),
-        response=_join("response", "cue to answer", [facts.response for facts in found]),
-        to_filler=_join("filler", "cue to filler", [facts.to_filler for facts in found]),
-        after_filler=_join("with a filler", "cue to answer", [facts.after_filler for facts in found]),
-        without_filler=_join("without", "cue to answer", [facts.without_filler for facts in found]),
+        parts=tuple(map(_join, zip(*(facts.parts for facts in every), strict=True))),
+        response=_join([facts.response for facts in every]),
+        to_filler=_join([facts.to_filler for facts in every]),
+        after_filler=_join([facts.after_filler for facts in every]),
+        without_filler=_join([facts.without_filler for facts in every]),
         in_bands=tuple(sum(facts.in_bands[at] for facts in found) for at in range(len(BANDS))),
         before_cue=sum(facts.before_cue for facts in found),
         interrupted=dict(sum((Counter(facts.interrupted) for facts in found), Counter())),
     )
 
 
-def _join(name: str, about: str, parts: Iterable[LatencyPart]) -> LatencyPart:
-    return LatencyPart(name, about, tuple(value for part in parts for value in part.values))
+def _join(parts: Sequence[LatencyPart]) -> LatencyPart:
+    return LatencyPart(parts[0].name, parts[0].about, tuple(value for part in parts for value in part.values))
