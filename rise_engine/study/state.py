@@ -74,22 +74,18 @@ class StudyFiles(Struct, frozen=True):
     study: Study
     participants: tuple[Participant, ...]
     plan: tuple[Slot, ...]
-    plan_hash: str = ""
+    """The rows in their order. Empty: there is no plan yet."""
+    plan_hash: str
 
 
-class StudyStatus(Struct, frozen=True):
+class StudyStatus(StudyFiles, frozen=True, kw_only=True):
     """Everything that is known of a study at one moment."""
 
-    study: Study
-    participants: tuple[Participant, ...]
-    plan: tuple[Slot, ...]
-    """The rows in their order. Empty: there is no plan yet."""
     log: tuple[LogEntry, ...]
     """All entries, including those that the session folders add."""
     sessions: tuple[StudySession, ...]
     places: Places
     standing: StudyStanding
-    plan_hash: str
     problems: tuple[str, ...] = ()
     """Sentences on what blocks every session that counts."""
     interrupted: tuple[str, ...] = ()
@@ -119,8 +115,7 @@ class StudyStatus(Struct, frozen=True):
     def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
         """Return the state as it would be with these outcomes in the log."""
         supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
-        files = StudyFiles(self.study, self.participants, self.plan, self.plan_hash)
-        return _state(files, [*self.log, *supposed]) if supposed else self
+        return _state(self, [*self.log, *supposed]) if supposed else self
 
     def row_for(self, participant: Participant) -> Slot | None:
         """Return the row that a participant holds or would get. None: there is none."""

@@ -19,17 +19,18 @@ from rise_engine.cli.data.export import level_option, select_sessions
 from rise_engine.cli.options import ALL_SESSIONS, STUDIES_OR_SESSIONS
 from rise_engine.cli.terminal import json_document, print_notes, refusing, table_lines, write_bytes
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.agreement import Differences, Estimate
-from rise_engine.results.analysis.judged_cues import JudgedCue, JudgedSession, judge_session, wizards_of
-from rise_engine.results.analysis.model import SessionFacts
-from rise_engine.results.analysis.reading import read_sessions
-from rise_engine.results.analysis.wizard_agreement import (
+from rise_engine.results.analysis.agreement import (
     FEW,
     AgreementReport,
+    Differences,
+    Estimate,
     GroupStatistics,
     PairStatistics,
     compare_wizards,
 )
+from rise_engine.results.analysis.judged_cues import JudgedCue, JudgedSession, judge_session, wizards_of
+from rise_engine.results.analysis.model import SessionFacts
+from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
 from rise_engine.session.shadow import shadow_files

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from rise_engine.results.analysis.agreement import (
     cohen_kappa,
-    confusion_counts,
     f_quantile,
     icc_a1,
     krippendorff_alpha,
@@ -243,10 +242,6 @@ def test_limits_of_agreement() -> None:
     assert found.deviation == pytest.approx(0.243463, abs=SIX)
     assert found.low == pytest.approx(0.1592 - 1.959964 * 0.243463, abs=2e-6)
     assert limits_of_agreement([(1.0, 2.0)]).deviation is None
-
-
-def test_confusion_counts_say_who_said_what() -> None:
-    assert confusion_counts([("a", "b"), ("a", "b"), ("b", "b")]) == {("a", "b"): 2, ("b", "b"): 1}
 
 
 # --- what must always hold --------------------------------------------------------------------------------------------

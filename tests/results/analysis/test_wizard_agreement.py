@@ -13,10 +13,9 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 
 from rise_engine.cli import main
-from rise_engine.results.analysis.agreement import cohen_kappa
+from rise_engine.results.analysis.agreement import cohen_kappa, compare_wizards
 from rise_engine.results.analysis.judged_cues import NOTHING, Decision, JudgedSession, decision_label, judge_session
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.analysis.wizard_agreement import compare_wizards
 from rise_engine.session.shadow import (
     ShadowCue,
     ShadowEnd,
