@@ -161,12 +161,7 @@ def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] 
 def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagnostic]:
     """Findings in rules, as diagnostics at the present lines."""
     return [
-        Diagnostic(
-            finding.severity,
-            "explored",
-            f"{explored.word(draft)}: {finding.text}",
-            place,
-        )
+        Diagnostic(finding.severity, "explored", f"{explored.word(draft)}: {finding.text}", place)
         for finding in explored.findings
         for place in _places(finding, draft, is_of=explored.is_of(draft))
     ]

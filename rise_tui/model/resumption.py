@@ -6,7 +6,7 @@ Lines for questions; the answers become the behaviour of a task.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rise_engine.author.drawing.rule_text import functions_in, wait_text
@@ -44,11 +44,8 @@ def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[st
 def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, Any]) -> str:
     match function.name:
         case "startCommunicationRobotAct":
-            return (
-                f"says {words}"
-                if (words := _words_of(scenario, function.argument, memory))
-                else (f"starts {function.argument}")
-            )
+            words = _words_of(scenario, function.argument, memory)
+            return f"says {words}" if words else f"starts {function.argument}"
         case "startInteractionRule":
             return f"starts the rule {describe_behavior(function.name, function.behavior)}"
         case "raiseEventTopic":
@@ -59,14 +56,9 @@ def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, 
 
 def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
     """Everything that an act says, with the memory's present values; the first of its variants."""
-    return " ".join(f"“{text}”" for text in _texts(scenario, name, memory))
-
-
-def _texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> Iterator[str]:
     act = scenario.acts.get(name)
-    for action in act.actions if act is not None else ():
-        if (message := message_of(scenario, action.calls[0])) is not None:
-            yield fill_known(message, memory)
+    messages = [message_of(scenario, action.calls[0]) for action in act.actions] if act is not None else []
+    return " ".join(f"“{fill_known(message, memory)}”" for message in messages if message is not None)
 
 
 OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")
