@@ -42,49 +42,52 @@ def _style_variables(names: Mapping[str, str]) -> dict[str, str]:
     return {f"rise-{name}-style": style for name, style in names.items()}
 
 
-def _colored_theme(
-    name: str,
-    *,
-    dark: bool,
-    text: str,
-    muted: str,
-    accent: str,
-    wait: str,
-    fault: str,
-    on_alarm: str,
-    grounds: tuple[str, str, str],
-    cursor: str,
-    cursor_away: str,
-    bar: str,
-    bar_focused: str,
-    scrollbar: str,
-    selection: str,
-) -> Theme:
-    """A theme of RGB colours. `grounds`: the backgrounds of the screen, of the panes on it, and of dialogs."""
-    background, surface, panel = grounds
+_COLORED = ("dark", "light", "contrast", "colorblind")
+_COLORS = {
+    "text": ("#d7dce2", "#1f242b", "#ffffff", "#e4e6e8"),
+    "muted": ("#8b95a3", "#5c6570", "#c8c8c8", "#98a0a8"),
+    "accent": ("#8ab4f8", "#1b57b0", "#6cd4ff", "#6fbaf2"),
+    "wait": ("#e5b567", "#7a4900", "#ffd24a", "#faf29a"),
+    "fault": ("#ff7d7d", "#b3161b", "#ff8c8c", "#ff8528"),
+    "on-alarm": ("#1a0505", "#ffffff", "#000000", "#140a00"),
+    "background": ("#12151a", "#fbfbf9", "#000000", "#101418"),
+    "surface": ("#181c22", "#f3f3ef", "#000000", "#171c21"),
+    "panel": ("#222831", "#e8e8e2", "#1a1a1a", "#20272e"),
+    "cursor": ("#29374d", "#cfe0f7", "#003d66", "#1f3a55"),
+    "cursor-away": ("#20262f", "#e6e9ec", "#2b2b2b", "#1f262d"),
+    "bar": ("#1d232b", "#e9eaea", "#262626", "#1c2229"),
+    "bar-focused": ("#223852", "#bcd3f2", "#00436e", "#163650"),
+    "scrollbar": ("#39424e", "#b9bfc6", "#8a8a8a", "#3a444e"),
+    "selection": ("#8ab4f8 35%", "#1b57b0 30%", "#6cd4ff 45%", "#6fbaf2 35%"),
+}
+"""The colours of these themes. `background`, `surface`, `panel`: behind the screen, the panes on it, and dialogs.
+
+`colorblind` has blue, yellow and orange, which everybody can tell apart: no two of them differ only in red and green.
+"""
+
+
+def _colored_theme(name: str) -> Theme:
+    """A theme of RGB colours."""
+    colors = {role: each[_COLORED.index(name)] for role, each in _COLORS.items()}
+    text, accent, background = colors["text"], colors["accent"], colors["background"]
     return Theme(
         name=f"rise-{name}",
-        dark=dark,
+        dark=name != "light",
         primary=accent,
         secondary=accent,
         accent=accent,
         foreground=text,
         background=background,
-        surface=surface,
-        panel=panel,
+        surface=colors["surface"],
+        panel=colors["panel"],
         success=text,
-        warning=wait,
-        error=fault,
+        warning=colors["wait"],
+        error=colors["fault"],
         variables={
-            "rise-muted": muted,
-            "rise-cursor": cursor,
-            "rise-cursor-away": cursor_away,
-            "rise-on-alarm": on_alarm,
-            "rise-bar": bar,
-            "rise-bar-focused": bar_focused,
+            **{f"rise-{role}": colors[role] for role in _OWN},
             "input-cursor-background": accent,
-            "input-selection-background": selection,
-            "scrollbar": scrollbar,
+            "input-selection-background": colors["selection"],
+            "scrollbar": colors["scrollbar"],
             "scrollbar-background": background,
             "scrollbar-background-hover": background,
             **_style_variables(ATTRIBUTES),
@@ -92,78 +95,9 @@ def _colored_theme(
     )
 
 
-DARK = _colored_theme(
-    "dark",
-    dark=True,
-    text="#d7dce2",
-    muted="#8b95a3",
-    accent="#8ab4f8",
-    wait="#e5b567",
-    fault="#ff7d7d",
-    on_alarm="#1a0505",
-    grounds=("#12151a", "#181c22", "#222831"),
-    cursor="#29374d",
-    cursor_away="#20262f",
-    bar="#1d232b",
-    bar_focused="#223852",
-    scrollbar="#39424e",
-    selection="#8ab4f8 35%",
-)
-
-LIGHT = _colored_theme(
-    "light",
-    dark=False,
-    text="#1f242b",
-    muted="#5c6570",
-    accent="#1b57b0",
-    wait="#7a4900",
-    fault="#b3161b",
-    on_alarm="#ffffff",
-    grounds=("#fbfbf9", "#f3f3ef", "#e8e8e2"),
-    cursor="#cfe0f7",
-    cursor_away="#e6e9ec",
-    bar="#e9eaea",
-    bar_focused="#bcd3f2",
-    scrollbar="#b9bfc6",
-    selection="#1b57b0 30%",
-)
-
-CONTRAST = _colored_theme(
-    "contrast",
-    dark=True,
-    text="#ffffff",
-    muted="#c8c8c8",
-    accent="#6cd4ff",
-    wait="#ffd24a",
-    fault="#ff8c8c",
-    on_alarm="#000000",
-    grounds=("#000000", "#000000", "#1a1a1a"),
-    cursor="#003d66",
-    cursor_away="#2b2b2b",
-    bar="#262626",
-    bar_focused="#00436e",
-    scrollbar="#8a8a8a",
-    selection="#6cd4ff 45%",
-)
-
-COLORBLIND = _colored_theme(
-    "colorblind",
-    dark=True,
-    text="#e4e6e8",
-    muted="#98a0a8",
-    accent="#6fbaf2",
-    wait="#faf29a",
-    fault="#ff8528",
-    on_alarm="#140a00",
-    grounds=("#101418", "#171c21", "#20272e"),
-    cursor="#1f3a55",
-    cursor_away="#1f262d",
-    bar="#1c2229",
-    bar_focused="#163650",
-    scrollbar="#3a444e",
-    selection="#6fbaf2 35%",
-)
-"""Blue, yellow and orange, which everybody can tell apart: no two of them differ only in red and green."""
+_OWN = ("muted", "cursor", "cursor-away", "on-alarm", "bar", "bar-focused")
+"""The colours that only our own widgets use."""
+DARK, LIGHT, CONTRAST, COLORBLIND = map(_colored_theme, _COLORED)
 
 
 def _uncolored_theme(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
