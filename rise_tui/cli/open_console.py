@@ -11,7 +11,6 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import ALREADY_RUNNING, UNFINISHED
 from rise_engine.ports.bridge import RosConnection
-from rise_engine.run.client.replay import ReplayClient
 from rise_engine.run.client.shadow import ShadowClient, start_time
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import AttachReply, Client, EngineGone, Role
@@ -23,7 +22,7 @@ from rise_engine.session.folder import find_session
 from rise_engine.session.shadow import unfinished_shadow
 from rise_engine.study.traces import study_of_session
 from rise_tui.cli.command_line import UNNAMED, CommandLine, Prompter, login_name, not_started
-from rise_tui.cli.study_folder import find_study, open_study
+from rise_tui.cli.study_folder import find_study
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.key_file import KeyFile
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, StudySource, startup_notice
@@ -50,26 +49,10 @@ def run_on_session(
     if notice and remark:
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
-    return _run_console(client, settings, wizard, options, keys, notice)
+    return run_console(client, settings, wizard, options, keys, notice)
 
 
-def run_on_study(options: CommandLine, keys: KeyFile | None) -> int:
-    """Show the screen of a study that has no running session; returns the exit status."""
-    study = open_study(options.folder or "", options.settings.ros)
-    return _run_console(None, None, options.wizard or "", options, keys, study=study)
-
-
-def run_on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
-    """Show a console on the record of a session; returns the exit status."""
-    return _run_console(ReplayClient(path, options.speed), None, "replay", options, keys)
-
-
-def run_on_shadow(client: ShadowClient, options: CommandLine, keys: KeyFile | None) -> int:
-    """Show a console on which a second wizard answers the cues of a recorded session; returns the exit status."""
-    return _run_console(client, None, options.wizard or "", options, keys)
-
-
-def _run_console(
+def run_console(
     client: Client | None,
     settings: SessionOptions | None,
     wizard: str,

@@ -184,9 +184,10 @@ def _open_study(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     if options.observe:
         _refuse_start(f"no session of {options.folder} is running, and --observe starts none")
     _need_terminal()
-    from rise_tui.cli import open_console  # see above
+    from rise_tui.cli import open_console, study_folder  # see above
 
-    sys.exit(open_console.run_on_study(options, keys))
+    study = study_folder.open_study(options.folder or "", options.settings.ros)
+    sys.exit(open_console.run_console(None, None, options.wizard or "", options, keys, study=study))
 
 
 # --- consoles ---------------------------------------------------------------------------------------------------------
@@ -207,9 +208,10 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     except SessionError as error:
         _refuse_start(str(error))
     _need_terminal()
+    from rise_engine.run.client.replay import ReplayClient
     from rise_tui.cli import open_console  # see above
 
-    sys.exit(open_console.run_on_replay(path, options, keys))
+    sys.exit(open_console.run_console(ReplayClient(path, options.speed), None, "replay", options, keys))
 
 
 def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
@@ -218,7 +220,7 @@ def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
     client, wizard = open_console.make_shadow(options, PlainTerminal())
     _need_terminal()
-    sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))
+    sys.exit(open_console.run_console(client, None, wizard, replace(options, wizard=wizard), keys))
 
 
 # --- finding a running session ----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What covers the console: help, palette, themes, jump mode, the tour, a study's editor, and a mark for cameras."""
+"""What covers the console: jump mode, the editor of a study, and a mark for cameras; and what closes all of it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,12 @@ from textual.screen import Screen
 from textual.strip import Strip
 from textual.widget import Widget
 
-from rise_tui.actions import KeyScope
 from rise_tui.console.layout import Layout
 from rise_tui.rendering.text import crop
 from rise_tui.rendering.themes import BLACK, WHITE
 from rise_tui.requests import ConsoleHost
 from rise_tui.rise_app import is_editing
-from rise_tui.screens.help import HelpScreen, help_entries
-from rise_tui.screens.palette import open_palette, palette_commands
-from rise_tui.screens.tour import LETTERS, JumpScreen, TitleLabels, TourScreen, label_line
+from rise_tui.screens.tour import LETTERS, JumpScreen, TitleLabels, label_line
 
 FLASH_SECONDS = 0.6
 """Seconds that it is shown: 15 pictures of a camera at 25 pictures a second."""
@@ -103,17 +100,6 @@ class Flash(Widget, can_focus=False):
 RUNS = "the running session keeps its own copy of the files; what you save applies to the next one"
 
 
-def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
-    """Open the help with every key and word, the focused pane's (`scope`) first."""
-    console.app.push_screen(HelpScreen(help_entries(console.store, scope)))
-
-
-def open_commands(console: ConsoleHost, scope: KeyScope | None) -> None:
-    """Open the palette with all commands, the focused pane's actions first."""
-    commands = palette_commands(console.store, scope, console.action_do, console.start)
-    open_palette(console.app, commands, "command, act, rule, event or theme", refuse=console.show_notice)
-
-
 def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:
     """Show letters over the title bars. The key hints explain them."""
 
@@ -130,15 +116,6 @@ def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
         names = tuple(panes.panes) if panes.is_zoomed else tuple(name for name, _ in pane.title.tabs)
         titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.SCOPE) for name in names]
         yield TitleLabels(pane.title.region, crop(label_line(titles), pane.title.region.width))
-
-
-def open_tour(
-    console: ConsoleHost, panes: Layout, part_of: Callable[[str], Region], on_end: Callable[[], None] | None
-) -> None:
-    """Open the tour. `part_of`: the place of a part that the tour points at. `on_end`: called at its end."""
-    panes.unzoom()
-    tour = TourScreen(part_of, lambda: panes.region)
-    console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
 
 
 async def open_editor(app: App[object], folder: str, refuse: Callable[[str], None], *, runs: bool) -> None:

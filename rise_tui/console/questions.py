@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from rise_engine.kernel.behaviors import release_behavior
 from rise_engine.kernel.records import look_at_robot_text, stopper_words
-from rise_engine.run.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
 from rise_tui.config.preferences import abbreviate_home
@@ -234,10 +233,8 @@ class Confirmations:
         store = console.store
         holder, asker, begins = self._control_shown = self._control_facts()
         lines, choices = control_question(holder, asker, store.own_name, key_name, begins)
-        verbs: dict[str, ControlVerb] = {choice.key: choice.verb for choice in choices}
-        dialog = Dialog(
-            "Control", lines, *(DialogChoice(choice.key, choice.title) for choice in choices), no="Leave it"
-        )
+        verbs = {verb[0]: verb for verb in choices}  # the keys are their first letters
+        dialog = Dialog("Control", lines, *(DialogChoice(verb[0], choices[verb]) for verb in choices), no="Leave it")
         dialog.add_class("-control")
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 

@@ -27,8 +27,9 @@ from rise_tui.model.notice import Level, Notice
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import is_editing, takes_text
-from rise_tui.screens.palette import open_palette
-from rise_tui.screens.tour import is_tour_due, show_when_too_small
+from rise_tui.screens.help import HelpScreen, help_entries
+from rise_tui.screens.palette import open_palette, palette_commands
+from rise_tui.screens.tour import TourScreen, is_tour_due, show_when_too_small
 from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
 from rise_tui.widgets.lines import StaticLines
 from rise_tui.widgets.speech_input import SpeechInput
@@ -250,8 +251,8 @@ class ConsoleScreen(Screen[None]):
         return {
             "stop": self.stop_all,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
-            "palette": lambda: overlays.open_commands(self, self._focused_scope),
-            "help": lambda: overlays.open_help(self, self._focused_scope),
+            "palette": self._open_palette,
+            "help": lambda: self.app.push_screen(HelpScreen(help_entries(self.store, self._focused_scope))),
             "jump": lambda: overlays.open_jump_mode(self, self.pane_layout, self.bars.key_hints.region),
             "tour": self.open_tour,
             "redraw": lambda: repaint_everything(self.app),
@@ -298,6 +299,11 @@ class ConsoleScreen(Screen[None]):
         pane = self.pane_layout.focused_pane()
         return pane.SCOPE if pane is not None else None
 
+    def _open_palette(self) -> None:
+        """Open the palette with all commands, the focused pane's actions first."""
+        commands = palette_commands(self.store, self._focused_scope, self.action_do, self.start)
+        open_palette(self.app, commands, "command, act, rule, event or theme", refuse=self.show_notice)
+
     def _edit_study(self) -> None:
         store = self.store
         opens = overlays.open_editor(self.app, store.scenario.folder, self.show_notice, runs=not store.gone_reason)
@@ -307,7 +313,9 @@ class ConsoleScreen(Screen[None]):
 
     def open_tour(self, seen: Callable[[], None] | None = None) -> None:
         """Open the tour. `seen` is called when it has ended, in whatever way."""
-        overlays.open_tour(self, self.pane_layout, self._region_of, seen)
+        self.pane_layout.unzoom()
+        tour = TourScreen(self._region_of, lambda: self.pane_layout.region)
+        self.app.push_screen(tour, lambda _: seen() if seen is not None else None)
 
     def offer_tour(self, seen: Callable[[], None]) -> None:
         """Offer the tour on a first run, if it disturbs nobody."""

@@ -260,7 +260,7 @@ class StudyScreen(Screen[None]):
         """Do what the participant under the cursor needs next."""
         each = self.lists.selected
         if each is None:
-            self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
+            self._say_nobody()
             return
         if self.lists.people.was_just_displaced:
             self.say("the list has just changed; press again")
@@ -280,14 +280,15 @@ class StudyScreen(Screen[None]):
         else:
             self._named(lambda: self._prepare(SessionRequest(each.participant)))
 
-    def _why_none(self) -> str:
-        return "the study does not load" if self.loaded.standing is None else ""
+    def _say_nobody(self) -> None:
+        why = "the study does not load" if self.loaded.standing is None else "no participant is selected"
+        self.say(f"nothing can be started: {why}", "wait")
 
     def rehearse_selected(self) -> None:
         """Begin a session that does not count with the participant under the cursor."""
         each, study = self.lists.selected, self.loaded.study
         if each is None or study is None:
-            self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
+            self._say_nobody()
             return
 
         def go_on(request: SessionRequest | None) -> None:

@@ -311,11 +311,8 @@ class StudyFrame(Screen[None]):
         if not self.study.draft.changed_files:
             self.say("nothing to save")
             return
-        self.app.push_screen(SaveDialog(self.study.draft, self.study.workspace.diff()), self._save_if)
-
-    def _save_if(self, yes: bool | None) -> None:
-        if yes:
-            self._work(self._save())
+        question = SaveDialog(self.study.draft, self.study.workspace.diff())
+        self.app.push_screen(question, lambda yes: self._work(self._save()) if yes else None)
 
     async def _save(self) -> None:
         report = await self.study.do("saving", Workspace.save)

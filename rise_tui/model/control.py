@@ -150,16 +150,10 @@ InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
 """LIVE: keys start acts and rules. SAFE: everything can be viewed, but nothing starts. LOCKED: keys do nothing."""
 
 STARTING_FUNCTIONS = frozenset(
-    {
-        "startCommunicationRobotAct",
-        "startInteractionRule",
-        "raiseEventTopic",
-        "assignValue",
-        "say",
-        "nextFiller",
-        "repeatAct",
-        "stepBack",
-    }
+    (
+        *("startCommunicationRobotAct", "startInteractionRule", "raiseEventTopic", "assignValue"),
+        *("say", "nextFiller", "repeatAct", "stepBack"),
+    )
 )
 """Functions of keys that make something happen. Stopping, and marks for the record, are not among them."""
 
@@ -189,14 +183,6 @@ def mode_notice(mode: InputMode, key_name: KeyNames) -> str:
             return f"SAFE: keys start nothing; {key_name('safe')} turns them on"
         case "LOCKED":
             return f"LOCKED: every key is ignored except stop, leave and {key_name('lock')}"
-
-
-class ControlChoice(NamedTuple):
-    """One thing that a wizard can do about control now."""
-
-    verb: ControlVerb
-    key: str
-    title: str
 
 
 class ControlLost(Struct, frozen=True):
@@ -249,11 +235,13 @@ def control_lost_text(taken: ControlLost, key: str) -> str:
 
 def control_question(
     holder: str | None, asker: str | None, own_name: str, key_name: KeyNames, begins: Sequence[str] | None = None
-) -> tuple[list[str], list[ControlChoice]]:
-    """The dialog about control: its lines and its choices. `begins`: the acts that then go on or begin, in a
-    recovered session that waits for a wizard."""
+) -> tuple[list[str], dict[ControlVerb, str]]:
+    """The dialog about control: its lines, and its choices with their titles.
+
+    `begins`: the acts that then go on or begin, in a recovered session that waits for a wizard.
+    """
     is_own = holder == own_name
-    release = ControlChoice("release", "r", "Release it")
+    release: dict[ControlVerb, str] = {"release": "Release it"}
     if not is_own and holder is None:
         lines = ["Nobody has control. Every console can still stop the robot."]
         if begins is not None:
@@ -264,20 +252,20 @@ def control_question(
             lines += [f"  {name}" for name in begins[:MOST_NAMED]] or ["  nothing at the moment"]
             lines += [f"  and {len(begins) - MOST_NAMED} more"] if len(begins) > MOST_NAMED else []
             lines += [f"If the robot should do none of that, stop everything first ({key_name('stop')})."]
-        return lines, [ControlChoice("take", "t", "Take it")]
+        return lines, {"take": "Take it"}
     if not is_own and asker == own_name:
         lines = [f"{short_name(holder)} has control and knows that you ask for it."]
-        return lines, [ControlChoice("release", "r", "Stop asking"), ControlChoice("take", "t", "Take it")]
+        return lines, {"release": "Stop asking", "take": "Take it"}
     if not is_own:
         lines = [
             f"{short_name(holder)} has control. You can still stop everything ({key_name('stop')}) and add notes.",
             "You can take it at once. They are told, and it is recorded.",
         ]
-        return lines, [ControlChoice("ask", "a", "Ask for it"), ControlChoice("take", "t", "Take it")]
+        return lines, {"ask": "Ask for it", "take": "Take it"}
     if asker is not None:
         lines = [f"{short_name(asker)} asks for control. You keep it until you give it."]
-        return lines, [release, ControlChoice("give", "g", f"Give it to {short_name(asker)}")]
+        return lines, {**release, "give": f"Give it to {short_name(asker)}"}
     return [
         "You have control.",
         "After a release nobody has it until somebody takes it. Running acts and rules go on.",
-    ], [release]
+    ], release

@@ -73,16 +73,11 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     CountdownRecord: frozenset({"rules"}),
     KeptRecord: frozenset({"rules", "tasks"}),
     StopRecord: frozenset({"stop", "status"}),
-    RobotRecord: frozenset({"status"}),
-    SessionRecord: frozenset({"status"}),
-    CheckRecord: frozenset({"status"}),
-    OutcomeRecord: frozenset({"status"}),
-    RecordingRecord: frozenset({"status"}),
+    **dict.fromkeys((RobotRecord, SessionRecord, CheckRecord, OutcomeRecord), frozenset[StorePart]({"status"})),
+    **dict.fromkeys((RecordingRecord, ControlRecord), frozenset[StorePart]({"status"})),
     ActionRecord: frozenset({"acts"}),
-    ControlRecord: frozenset({"status"}),
     CueRecord: frozenset({"cue"}),
-    MistakeRecord: frozenset({"tasks", "acts"}),
-    FailureRecord: frozenset({"tasks", "acts"}),
+    **dict.fromkeys((MistakeRecord, FailureRecord), frozenset[StorePart]({"tasks", "acts"})),
 }
 """`apply` adds the parts of tasks, and of events that no rule took."""
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
