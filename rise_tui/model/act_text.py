@@ -19,7 +19,6 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
-    StyledSpan,
     TextRole,
     crop,
     fixed_span,
@@ -94,11 +93,10 @@ class ActText:
 
     def _head_line(self, act: Act, task: TaskView | None, width: int) -> StyledLine:
         state = task_state(task) if task is not None else READY
-        name: StyledSpan = (f"{state.glyph} {state.word}", state.role)
         typical = self._store.typical_seconds(act.name)
         if task is None or task.started is None:
             usually = f"usually {format_duration(typical)} " if typical is not None and width >= NARROW else ""
-            return heading_line(act.name, name, ((usually, "muted"),), width)
+            return heading_line(act.name, state.span, ((usually, "muted"),), width)
         end = task.ended if task.ended is not None else self._store.now()
         took = format_duration(end - task.started)
         if task.status == "ACTIVE" and typical is not None:
@@ -106,7 +104,7 @@ class ActText:
         ended, all_actions = act_progress(act, task)
         count = f"{ended}/{all_actions}  " if task.status == "ACTIVE" and all_actions > 1 else ""
         source = f"  {task.source} " if width >= NARROW else " "
-        return heading_line(act.name, name, ((count, "muted"), (took, "plain"), (source, "muted")), width)
+        return heading_line(act.name, state.span, ((count, "muted"), (took, "plain"), (source, "muted")), width)
 
     def _action_line(
         self, action: Action, row: ActRow, begun: ActionView | None, columns: tuple[int, int], width: int

@@ -146,11 +146,7 @@ class RulePane(ListPane):
     def _head_rows(self, rule: Rule, view: RuleView, width: int) -> list[ListRow]:
         state = rule_state(self.store, rule.name)
         when: StyledLine = ((f"since {format_clock(view.since)} ", "muted"),) if view.status else ()
-        rows = [
-            ListRow(
-                "", heading_line(rule.name, (f"{state.glyph} {state.word}", state.role), when, width), selectable=False
-            )
-        ]
+        rows = [ListRow("", heading_line(rule.name, state.span, when, width), selectable=False)]
         line: StyledLine = ()
         if view.running:
             line = ((" in ", "muted"), (view.state or "", "accent"))
