@@ -34,7 +34,18 @@ from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.rule_page import RulePage
 from rise_tui.editor.screen import EditApp
-from rise_tui.editor.study import EditedStudy, NoSessions
+from rise_tui.editor.study import EditedStudy, RunningHere
+
+
+class NoSessions:
+    """Finds no session beside the editor."""
+
+    def find(self, folder: Path) -> RunningHere | None:
+        return None
+
+    def stop(self, session: RunningHere) -> str:
+        return ""
+
 
 IMAGES = Path(__file__).parent / "images"
 SPEED = 10

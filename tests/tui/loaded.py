@@ -18,7 +18,7 @@ for _module in (
     "cli.edit",
     "cli.info",
     "cli.key_card",
-    "editor.app",
+    "editor.screen",
     "editor.study",
 ):
     import_module(f"rise_tui.{_module}")
