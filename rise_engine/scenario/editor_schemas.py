@@ -1,7 +1,7 @@
 """RELAX NG schemas of acts and rules, for editors (completion, help).
 
-The schemas are `schema/rules.rng` and `schema/cra.rng`. A robot's profile and a scenario may declare actions of their
-own. For these, `act_schema_text` generates the part of `cra.rng` about single actions.
+The schema of rules is `schema/rules.rng`. That of acts is `schema/cra.rng` and what `act_schema_text` adds to it: the
+part about single actions, which a robot's profile and a scenario may declare, too.
 
 Loading a scenario does not use the schemas, because its own checks find more and explain it. Tests make sure that both
 agree (docs/decisions/0034-one-reader-of-scenarios.md).
@@ -20,8 +20,6 @@ from rise_engine.scenario.parameters import MESSAGE, accepts_any_name, listed_na
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 """Characters that no XML file can hold, although the help text of a robot's profile may."""
-_ACTIONS_BEGIN = '  <define name="action">'
-"""The text of `cra.rng` before this is the same for every robot."""
 _COMMON = """        <ref name="actionID"/>
         <optional><ref name="waitForActions"/></optional>
         <optional><ref name="onFailure"/></optional>
@@ -40,17 +38,16 @@ def rule_schema_text() -> str:
 def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
     """The schema of acts (CRA files) with these actions, as RELAX NG in XML.
 
-    `actions` are those of a robot, by name (`RobotProfile.actions`); unsupported ones are left out. For the core
-    actions alone, the result is `schema/cra.rng`.
+    `actions` are those of a robot, by name (`RobotProfile.actions`); unsupported ones are left out.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
     >>> '<element name="Speech">' in act_schema_text(scenario.robot.actions)
     True
     """
-    frame = (FOLDER / "cra.rng").read_text("utf-8").partition(_ACTIONS_BEGIN)[0]
+    frame = (FOLDER / "cra.rng").read_text("utf-8").removesuffix("</grammar>\n")
     usable = [spec for spec in actions.values() if spec.supported]
-    parts = [frame, _ACTIONS_BEGIN, "\n    <choice>\n"]
+    parts = [frame, '  <define name="action">\n    <choice>\n']
     parts += [f'      <ref name="action.{spec.name}"/>\n' for spec in usable]
     parts.append('      <ref name="variants"/>\n    </choice>\n  </define>\n')
     parts.append('  <define name="variants">\n    <element name="Variants">\n')

@@ -7,72 +7,21 @@ with line and column. Other namespaces are allowed everywhere, as in the standar
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
-from rise_exchange.bml.vocabulary import BEHAVIORS, BLOCK, COMPOSITIONS, EXTENSIONS, NAMESPACE, PARTS, ElementWords
+from rise_exchange.bml.vocabulary import BEHAVIORS, BLOCK, COMPOSITIONS, EXTENSIONS, PARTS, ElementWords
 
 _INSIDE = ('<ref name="inside"/>', '<ref name="required"/>')
 _FOREIGN = '<ref name="foreignElement"/>'
-_FRAME = f"""<?xml version="1.0" encoding="UTF-8"?>
-<!-- The core of BML 1.0, made of the table in adapters/rise_exchange/bml/vocabulary.py. -->
-<grammar xmlns="http://relaxng.org/ns/structure/1.0" ns="{NAMESPACE}"
-         datatypeLibrary="http://www.w3.org/2001/XMLSchema-datatypes">
-  <start><ref name="bml"/></start>
-  <define name="foreign">
-    <zeroOrMore>
-      <attribute><anyName><except><nsName ns=""/></except></anyName></attribute>
-    </zeroOrMore>
-  </define>
-  <define name="foreignElement">
-    <element>
-      <anyName><except><nsName/><nsName ns=""/></except></anyName>
-      <ref name="anything"/>
-    </element>
-  </define>
-  <define name="anything">
-    <zeroOrMore>
-      <choice>
-        <text/>
-        <attribute><anyName/></attribute>
-        <element><anyName/><ref name="anything"/></element>
-      </choice>
-    </zeroOrMore>
-  </define>
-  <define name="description">
-    <element name="description">
-      <attribute name="priority" ns=""/>
-      <attribute name="type" ns=""/>
-      <zeroOrMore><choice><text/><element><anyName/><ref name="anything"/></element></choice></zeroOrMore>
-    </element>
-  </define>
-  <define name="required">
-    <element name="required">
-      <zeroOrMore><ref name="inside"/></zeroOrMore>
-    </element>
-  </define>
-  <define name="inside">
-    <choice>BEHAVIORS<ref name="constraint"/><ref name="foreignElement"/></choice>
-  </define>
-  <define name="constraint">
-    <element name="constraint">
-      <optional><attribute name="id" ns=""/></optional>
-      <ref name="foreign"/>
-      <zeroOrMore><choice><ref name="synchronize"/><ref name="before"/><ref name="after"/></choice></zeroOrMore>
-    </element>
-  </define>
-  <define name="sync">
-    <element name="sync">
-      <choice><attribute name="id" ns=""/><attribute name="ref" ns=""/></choice>
-      <ref name="foreign"/>
-    </element>
-  </define>
-"""
+_FRAME = Path(__file__).with_name("schema.rng").read_text("utf-8").removesuffix("</grammar>\n")
+"""What does not depend on the table. `BEHAVIORS` stands for all behaviours."""
 
 
 def block_schema_text() -> str:
-    """The schema of a block, as text. It is `schema/bml.rng`."""
+    """The schema of a block, as text."""
     behaviors = "".join(f'<ref name="{name}"/>' for name in BEHAVIORS)
     parts = [
-        _FRAME.replace("BEHAVIORS", behaviors),
+        _FRAME.replace('<ref name="BEHAVIORS"/>', behaviors),
         _define("bml", BLOCK, [f"<zeroOrMore>{_choice(_INSIDE)}</zeroOrMore>"]),
     ]
     for name, words in BEHAVIORS.items():

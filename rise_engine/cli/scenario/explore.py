@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
@@ -142,16 +142,15 @@ def _study_report(
         yield fill(", ".join(names), _WIDTH)
         for sentence in sentences:
             yield fill(sentence, _WIDTH, initial_indent="  ", subsequent_indent="  ")
-    for number, each in enumerate(merged, 1):
-        finding = each.finding
-        if number == 1 or finding.level != merged[number - 2].finding.level:
-            yield ""
-        text = f"{finding.text} {each.where}".rstrip()
-        yield _finding_line(number, finding.level, text, finding.place)
-        kind_number, at = each.first
+
+    def way_to(number: int) -> Iterator[str]:
+        kind_number, at = merged[number].first
         _, scenario, exploration = explored[kind_number]
-        if show in ("all", str(number)) and at < len(exploration.findings):
+        if at < len(exploration.findings):
             yield from _way_lines(scenario, exploration, exploration.findings[at])
+
+    listed = [(each.finding.level, f"{each.finding.text} {each.where}".rstrip(), each.finding.place) for each in merged]
+    yield from _finding_lines(listed, show, way_to)
     yield ""
     counts = {level: sum(each.finding.level == level for each in merged) for level in _MARKS}
     complete = all(exploration.is_complete for _, _, exploration in explored)
@@ -244,10 +243,11 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     yield ""
     for sentence in exploration.told:
         yield fill(sentence, _WIDTH)
-    for number, finding in enumerate(exploration.findings, 1):
-        if number == 1 or finding.level != exploration.findings[number - 2].level:
-            yield ""
-        yield from _finding_lines(scenario, exploration, number, shown=show in ("all", str(number)))
+    yield from _finding_lines(
+        [(each.level, each.text, str(each.location or "")) for each in exploration.findings],
+        show,
+        lambda number: _way_lines(scenario, exploration, exploration.findings[number]),
+    )
     if show_keys:
         yield ""
         yield from _key_lines(scenario, exploration)
@@ -257,17 +257,19 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     yield _last_line(counts, complete=exploration.is_complete, can_show=with_way and show is None)
 
 
-def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:
-    finding = exploration.findings[number - 1]
-    yield _finding_line(number, finding.level, finding.text, str(finding.location or ""))
-    if shown:
-        yield from _way_lines(scenario, exploration, finding)
-
-
-def _finding_line(number: int, level: str, text: str, place: str) -> str:
-    head = f"{number:>3} {_MARKS[level]}: "
-    where = f" [{place}]" if place else ""
-    return fill(f"{head}{text}{where}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+def _finding_lines(
+    findings: Sequence[tuple[str, str, str]], show: str | None, way_to: Callable[[int], Iterator[str]]
+) -> Iterator[str]:
+    """Yield findings (level, text and place), each with the path to it if that is wanted."""
+    before = ""
+    for number, (level, text, place) in enumerate(findings, 1):
+        if level != before:
+            yield ""
+        before, where = level, f" [{place}]" if place else ""
+        head = f"{number:>3} {_MARKS[level]}: "
+        yield fill(f"{head}{text}{where}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+        if show in ("all", str(number)):
+            yield from way_to(number - 1)
 
 
 def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
