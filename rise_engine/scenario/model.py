@@ -242,6 +242,12 @@ class Transition(Struct, frozen=True):
         """Whether its condition alone triggers it."""
         return self.event is None and self.ended is None and self.after is None
 
+    @property
+    def expressions(self) -> list[Expression]:
+        """Its condition, what must hold, and its computed time, as far as it has them."""
+        delay = self.after.expression if self.after is not None else None
+        return [each for each in (self.condition, self.held, delay) if each is not None]
+
 
 class State(Struct, frozen=True):
     """A state of a rule. One without transitions ends the rule after its `on_entry`."""
@@ -251,6 +257,11 @@ class State(Struct, frozen=True):
     on_exit: Block = ()
     transitions: tuple[Transition, ...] = ()
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """What it does: on entry, on exit, and with each transition."""
+        return (self.on_entry, self.on_exit, *(transition.block for transition in self.transitions))
 
 
 class Rule(Struct, frozen=True):
@@ -262,6 +273,11 @@ class Rule(Struct, frozen=True):
     priority: float = 0
     """Larger is nearer the top of the stack when the rule starts."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
+
+    @property
+    def functions(self) -> Iterator[Function]:
+        """All functions anywhere in it."""
+        return (each for state in self.states.values() for block in state.blocks for each in functions_in(block))
 
 
 # --- the whole ------------------------------------------------------------------------------------------------------
@@ -501,18 +517,28 @@ CUE_TOPICS = ("cue", "cue_undone")
 """The events at the end of the participant's turn, and when that is taken back (semantics.md 4.2)."""
 
 
-def functions_in(block: Block) -> Iterator[Function]:
-    """Yield all functions of a block, including those in branches and choices, in no particular order."""
-    pending = [*block]
+def statements_in(block: Block) -> Iterator[Statement]:
+    """Yield all statements of a block, including those in branches and choices, in the order of the file."""
+    pending = [*reversed(block)]
     while pending:
         statement = pending.pop()
-        if isinstance(statement, Function):
-            yield statement
-        elif isinstance(statement, If):
-            for branch in statement.branches:
-                pending += branch.block
-        else:
-            pending += statement.choices
+        yield statement
+        if isinstance(statement, If):
+            for branch in reversed(statement.branches):
+                pending += reversed(branch.block)
+        elif isinstance(statement, OneOf):
+            pending += reversed(statement.choices)
+
+
+def functions_in(block: Block) -> Iterator[Function]:
+    """Yield all functions of a block, including those in branches and choices, in the order of the file."""
+    return (each for each in statements_in(block) if isinstance(each, Function))
+
+
+def conditions_in(block: Block) -> Iterator[Expression]:
+    """Yield the conditions of all branches of a block, in the order of the file."""
+    ifs = (each for each in statements_in(block) if isinstance(each, If))
+    return (branch.condition for each in ifs for branch in each.branches if branch.condition is not None)
 
 
 def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:

@@ -27,9 +27,11 @@ from rise_engine.scenario.model import (
     Rule,
     Scenario,
     SourceLocation,
+    Statement,
     Transition,
     functions_in,
     normal_topic,
+    statements_in,
 )
 from rise_exchange.scxml.expressions import APPROXIMATE_FUNCTIONS, EXACT_WHOLE_NUMBERS, is_limited, nodes_of
 
@@ -48,18 +50,27 @@ class RuleAnalysis:
 
     @cached_property
     def functions(self) -> list[Function]:
-        """All of its functions, in no particular order."""
-        return [function for block in _blocks(self.rule) for function in functions_in(block)]
+        """All of its functions, those of a block from its end: losses name the first that they are about."""
+        return [each for block in self.blocks for each in reversed([*functions_in(block)])]
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """All of its blocks."""
+        return [block for state in self.rule.states.values() for block in state.blocks]
+
+    @cached_property
+    def statements(self) -> list[Statement]:
+        """All of its statements."""
+        return [statement for block in self.blocks for statement in statements_in(block)]
 
     @cached_property
     def expressions(self) -> list[tuple[Expression, SourceLocation]]:
         """Every condition, formula and index, with its element."""
         found: list[tuple[Expression | None, SourceLocation]] = []
         for transition in self.transitions:
-            delay = transition.after.expression if transition.after is not None else None
-            found += ((each, transition.location) for each in (transition.condition, transition.held, delay))
-        for block in _blocks(self.rule):
-            for statement in _ifs(block):
+            found += ((each, transition.location) for each in transition.expressions)
+        for statement in self.statements:
+            if isinstance(statement, If):
                 found += ((branch.condition, statement.location) for branch in statement.branches)
         for function, assignment in self.assignments:
             found += ((each, function.location) for each in (assignment.expression, assignment.target))
@@ -93,7 +104,7 @@ class RuleAnalysis:
     def draws(self) -> bool:
         """Whether it uses chance."""
         return any(each.draws for each, _ in self.expressions) or any(
-            True for block in _blocks(self.rule) for _ in _one_ofs(block)
+            isinstance(each, OneOf) for each in self.statements
         )
 
     @cached_property
@@ -153,33 +164,6 @@ class RuleAnalysis:
             for state in leaves:
                 del ways[state]
         return bool(ways)
-
-
-def _blocks(rule: Rule) -> Iterator[Block]:
-    for state in rule.states.values():
-        yield state.on_entry
-        yield state.on_exit
-        yield from (transition.block for transition in state.transitions)
-
-
-def _ifs(block: Block) -> Iterator[If]:
-    for statement in block:
-        if isinstance(statement, If):
-            yield statement
-            for branch in statement.branches:
-                yield from _ifs(branch.block)
-        elif isinstance(statement, OneOf):
-            yield from _ifs(statement.choices)
-
-
-def _one_ofs(block: Block) -> Iterator[OneOf]:
-    for statement in block:
-        if isinstance(statement, OneOf):
-            yield statement
-            yield from _one_ofs(statement.choices)
-        elif isinstance(statement, If):
-            for branch in statement.branches:
-                yield from _one_ofs(branch.block)
 
 
 REFUSALS = {

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.model import Function, Rule, Scenario, functions_in, normal_topic
+from rise_engine.scenario.model import Function, Scenario, normal_topic
 from rise_engine.syntax.toml import toml_key, toml_value
 from rise_exchange.scxml.chart import ChartState
 from rise_exchange.scxml.content_translation import FunctionLine, IfLines, Lines, SendHelper
@@ -248,7 +248,7 @@ def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnos
                 if way.event in made.raised:
                     message = f"`/{way.event}` is for the chart itself, which raises it; this rule would take it away"
                     diagnostics.error("shared-event", way.location, message)
-        for function in _functions(rule):
+        for function in rule.functions:
             _check_function(function, keys, sent, diagnostics)
     for binding in scenario.keys.values():
         if binding.function == "raiseEventTopic" and normal_topic(binding.behavior) in sent:
@@ -263,9 +263,3 @@ def _check_function(function: Function, keys: set[str], sent: set[str], diagnost
     if function.assignment is not None and function.assignment.key in keys:
         message = f"`{function.assignment.key}` is a variable of the chart; nothing else may set it"
         diagnostics.error("shared-key", function.location, message)
-
-
-def _functions(rule: Rule) -> Iterator[Function]:
-    for state in rule.states.values():
-        for block in (state.on_entry, state.on_exit, *(way.block for way in state.transitions)):
-            yield from functions_in(block)

@@ -234,16 +234,8 @@ def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
 
 def events_raised_by(rule: Rule) -> frozenset[str]:
     """Collect every topic that a rule raises anywhere, without its slash."""
-    raised = (function.argument for function in functions_of_rule(rule) if function.name == "raiseEventTopic")
+    raised = (function.argument for function in rule.functions if function.name == "raiseEventTopic")
     return frozenset(map(normal_topic, raised))
-
-
-def functions_of_rule(rule: Rule) -> Iterator[Function]:
-    """Yield every function anywhere in a rule."""
-    for state in rule.states.values():
-        for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
-            for function, _ in functions_in(block):
-                yield function
 
 
 def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:

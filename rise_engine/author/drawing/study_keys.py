@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from rise_engine.author.drawing.rule_text import events_raised_by, find_what_to_start, functions_of_rule, is_met
+from rise_engine.author.drawing.rule_text import events_raised_by, find_what_to_start, is_met
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError
 from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic
@@ -140,7 +140,7 @@ class StudyKeys:
     def _find_answers(self) -> set[str]:
         """Find the keys that some state could wait for, whatever the memory holds."""
         rules = self.scenario.rules.values()
-        started = {function.argument for rule in rules for function in functions_of_rule(rule) if function.name == ACT}
+        started = {function.argument for rule in rules for function in rule.functions if function.name == ACT}
         return {
             key.key
             for rule in rules

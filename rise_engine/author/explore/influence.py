@@ -7,7 +7,17 @@ from typing import Any
 
 from rise_engine.author.explore.act_traits import keys_read, keys_without_fallback
 from rise_engine.expression import Assignment, Expression, ExpressionError
-from rise_engine.scenario.model import SESSION, SESSION_STATES, Block, Function, If, OneOf, Scenario, Statement
+from rise_engine.scenario.model import (
+    SESSION,
+    SESSION_STATES,
+    Block,
+    Function,
+    If,
+    OneOf,
+    Scenario,
+    conditions_in,
+    functions_in,
+)
 
 
 def keys_that_matter(
@@ -27,14 +37,10 @@ def keys_that_matter(
     writes = [*_assignments_of_keys(scenario)]
     for rule in scenario.rules.values():
         for state in rule.states.values():
-            blocks = [state.on_entry, state.on_exit]
             for transition in state.transitions:
-                blocks.append(transition.block)
-                delay = transition.after.expression if transition.after is not None else None
-                for expression in (transition.condition, transition.held, delay):
-                    if expression is not None:
-                        matter |= _heads(_reads(expression))
-            for block in blocks:
+                for expression in transition.expressions:
+                    matter |= _heads(_reads(expression))
+            for block in state.blocks:
                 writes += _assignments_in(block)
                 _add_reads_of_block(block, {}, matter)
     started = memories or [{}]
@@ -65,9 +71,7 @@ def assignments_of(scenario: Scenario) -> Iterator[Assignment]:
     """Yield all assignments that rules and keys can make."""
     yield from _assignments_of_keys(scenario)
     for rule in scenario.rules.values():
-        for state in rule.states.values():
-            for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
-                yield from _assignments_in(block)
+        yield from (each.assignment for each in rule.functions if each.assignment is not None)
 
 
 def _may_give_nothing(assignment: Assignment) -> bool:
@@ -85,30 +89,15 @@ def parts_of_session_read(scenario: Scenario) -> frozenset[str]:
     keys = {key for act in scenario.acts.values() for key in keys_read(act)}
     for rule in scenario.rules.values():
         for state in rule.states.values():
-            for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
+            for block in state.blocks:
                 keys |= {key for assignment in _assignments_in(block) for key in assignment.keys}
-                keys |= {key for condition in _conditions_in(block) for key in condition.keys}
+                keys |= {key for condition in conditions_in(block) for key in condition.keys}
             for transition in state.transitions:
-                delay = transition.after.expression if transition.after is not None else None
-                read = (transition.condition, transition.held, delay)
-                keys |= {key for expression in read if expression is not None for key in expression.keys}
+                keys |= {key for expression in transition.expressions for key in expression.keys}
     parts = {key.split(".")[1] for key in keys if key.startswith(f"{SESSION}.")}
     if SESSION in keys:
         parts |= {"participant", "condition", "factors", "language", *SESSION_STATES}
     return frozenset(parts)
-
-
-def _conditions_in(block: Block) -> Iterator[Expression]:
-    pending: list[Statement] = [*block]
-    while pending:
-        statement = pending.pop()
-        if isinstance(statement, If):
-            for branch in statement.branches:
-                pending += branch.block
-                if branch.condition is not None:
-                    yield branch.condition
-        elif isinstance(statement, OneOf):
-            pending += statement.choices
 
 
 def _reads(expression: Expression) -> frozenset[str]:
@@ -160,18 +149,7 @@ def _join(made_of: dict[str, set[str]], arms: list[dict[str, set[str]]]) -> None
 
 
 def _assignments_in(block: Block) -> Iterator[Assignment]:
-    pending: list[Statement] = [*block]
-    while pending:
-        statement = pending.pop()
-        match statement:
-            case Function():
-                if statement.assignment is not None:
-                    yield statement.assignment
-            case If():
-                for branch in statement.branches:
-                    pending += branch.block
-            case OneOf():
-                pending += statement.choices
+    return (each.assignment for each in functions_in(block) if each.assignment is not None)
 
 
 def _assignments_of_keys(scenario: Scenario) -> Iterator[Assignment]:

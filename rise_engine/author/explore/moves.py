@@ -13,7 +13,7 @@ from rise_engine.author.explore.influence import parts_of_session_read
 from rise_engine.author.explore.situation import PERSON, Situation
 from rise_engine.kernel.act_runner import CANCEL_LIMIT
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit, TimerElapsed
-from rise_engine.scenario.model import CUE_TOPICS, Scenario, functions_in, normal_topic
+from rise_engine.scenario.model import CUE_TOPICS, Scenario, normal_topic
 
 
 class Bounds(Struct, frozen=True):
@@ -243,9 +243,7 @@ def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, st
     named = {
         function.argument
         for rule in scenario.rules.values()
-        for state in rule.states.values()
-        for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions))
-        for function in functions_in(block)
+        for function in rule.functions
         if function.name in ("startCommunicationRobotAct", "stopCommunicationRobotAct")
     }
     first: dict[tuple[object, ...], str] = {}
@@ -275,11 +273,7 @@ def topics_from_outside(scenario: Scenario) -> set[str]:
     for rule in scenario.rules.values():
         inside.add(f"{rule.name}_end")
         inside |= {f"{rule.name}_{state.id}" for state in rule.states.values() if not state.transitions}
-        for state in rule.states.values():
-            for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
-                inside |= {
-                    normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic"
-                }
+        inside |= {normal_topic(each.argument) for each in rule.functions if each.name == "raiseEventTopic"}
     return set(scenario.topics) - inside
 
 

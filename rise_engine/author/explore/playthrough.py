@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct
 
-from rise_engine.author.drawing.rule_text import functions_of_rule
 from rise_engine.author.explore.moves import topics_from_outside
 from rise_engine.author.trial.trial import SOURCE, Trial
 from rise_engine.author.trial.trial_state import key_choices, standing_rules
@@ -164,7 +163,7 @@ class _Player:
         kind, _, name = record.source.partition(":")
         if kind != "rule" or record.function != "assignValue" or record.status != "ABORTED":
             return
-        same = (each for each in functions_of_rule(self._scenario.rules[name]) if each.behavior == record.behavior)
+        same = (each for each in self._scenario.rules[name].functions if each.behavior == record.behavior)
         place = next((each.location for each in same), self._scenario.rules[name].location)
         failure = PlayedFailure(f"the assignment `{record.behavior}` of {name} failed", record.reason, place)
         self.failures.setdefault((name, record.behavior), failure)

@@ -13,7 +13,6 @@ from rise_engine.author.drawing.rule_text import (
     Joint,
     Truth,
     find_awaited_act,
-    functions_in,
     is_met,
     split_condition,
     transition_label,
@@ -27,14 +26,12 @@ from rise_engine.expression import Expression, lookup
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import (
     ActionCall,
-    Block,
-    If,
     KeyBinding,
-    OneOf,
     Scenario,
     State,
-    Statement,
     Transition,
+    conditions_in,
+    functions_in,
     normal_topic,
 )
 
@@ -320,39 +317,22 @@ def memory_that_counts(trial: Trial, rule: str) -> list[MemoryLine]:
 
 
 def _keys_of(scenario: Scenario, state: State) -> Iterator[str]:
-    blocks = [state.on_entry, state.on_exit]
     for transition in state.transitions:
-        blocks.append(transition.block)
-        for condition in (transition.condition, transition.held):
-            yield from condition.keys if condition is not None else ()
-        if transition.after is not None and transition.after.expression is not None:
-            yield from transition.after.expression.keys
-    for block in blocks:
-        for function, _ in functions_in(block):
+        yield from (key for expression in transition.expressions for key in expression.keys)
+    for block in state.blocks:
+        for function in functions_in(block):
             if function.assignment is not None:
                 yield function.assignment.key
                 yield from function.assignment.keys
             elif function.name == ACT and (act := scenario.acts.get(function.argument)) is not None:
                 yield from (key for action in act.actions for call in action.calls for key in _keys_read_by(call))
-        yield from _keys_of_conditions(block)
+        yield from (key for condition in conditions_in(block) for key in condition.keys)
 
 
 def _keys_read_by(call: ActionCall) -> Iterator[str]:
     for template in call.parameters.values():
         for slot in template.slots:
             yield from (slot.key,) if slot.part is None else slot.part.keys
-
-
-def _keys_of_conditions(block: Block) -> Iterator[str]:
-    pending: list[Statement] = [*block]
-    while pending:
-        statement = pending.pop()
-        if isinstance(statement, If):
-            for branch in statement.branches:
-                yield from branch.condition.keys if branch.condition is not None else ()
-                pending += branch.block
-        elif isinstance(statement, OneOf):
-            pending += statement.choices
 
 
 def _memory_line(trial: Trial, memory: Mapping[str, Any], key: str) -> MemoryLine:

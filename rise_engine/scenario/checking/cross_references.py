@@ -17,7 +17,6 @@ from rise_engine.scenario.model import (
     Rule,
     SourceLocation,
     State,
-    functions_in,
     result_topics,
 )
 from rise_engine.scenario.reading.act_settings import ActTables
@@ -252,13 +251,7 @@ def _unanswered_ends(rule: Rule) -> Iterator[tuple[str, SourceLocation]]:
 
 
 def _started_acts(rule: Rule) -> set[str]:
-    blocks = (
-        block
-        for state in rule.states.values()
-        for block in (state.on_entry, state.on_exit, *(way.block for way in state.transitions))
-    )
-    functions = (function for block in blocks for function in functions_in(block))
-    return {function.argument for function in functions if function.name == "startCommunicationRobotAct"}
+    return {each.argument for each in rule.functions if each.name == "startCommunicationRobotAct"}
 
 
 def _takes_failure(state: State, act: str) -> bool:

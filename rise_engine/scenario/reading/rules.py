@@ -302,7 +302,7 @@ class _RuleReader(BlockReader):
         started = {
             function.argument
             for state in states.values()
-            for block in (state.on_entry, state.on_exit, *(way.block for way in state.transitions))
+            for block in state.blocks
             for function in functions_in(block)
             if function.name == "startCommunicationRobotAct"
         }
