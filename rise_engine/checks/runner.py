@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any, TypeAlias, TypeVar
@@ -31,20 +31,30 @@ ENDING_SECONDS = 3.0
 """Seconds after its limit in which the work may end what it has started."""
 
 
-def _start(work: Callable[[Event], Result], cancelled: Event) -> asyncio.Future[Result]:
-    """Call something in a new thread, so that a disk that hangs blocks neither the loop nor the exit, which would wait
-    for the threads of asyncio's own executor."""
-    future: Future[Result] = Future()
+class BackgroundExecutor(Executor):
+    """An executor with a new thread for each call, so that a disk that hangs blocks neither the loop nor the exit.
 
-    def call() -> None:
-        if future.set_running_or_notify_cancel():
+    The exit would wait for the threads of asyncio's own executor.
+    """
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+
+        def work() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
             try:
-                future.set_result(work(cancelled))
+                result = function(*arguments, **named)
             except BaseException as error:  # the caller gets it
                 future.set_exception(error)
+            else:
+                future.set_result(result)
 
-    Thread(target=call, name="rise-check", daemon=True).start()
-    return asyncio.wrap_future(future)
+        Thread(target=work, name="rise-check", daemon=True).start()
+        return future
+
+
+_EXECUTOR = BackgroundExecutor()
 
 
 async def call_in_background(work: Callable[[Event], Result], limit: float) -> Result:
@@ -56,7 +66,7 @@ async def call_in_background(work: Callable[[Event], Result], limit: float) -> R
     :raises asyncio.CancelledError: the caller was cancelled; the work was told, and had ENDING_SECONDS to end.
     """
     cancelled = Event()
-    future = _start(work, cancelled)
+    future = asyncio.get_running_loop().run_in_executor(_EXECUTOR, work, cancelled)
     future.add_done_callback(_take_exception)
     try:
         done, _ = await asyncio.wait({future}, timeout=limit)

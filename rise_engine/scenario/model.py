@@ -16,11 +16,10 @@ from msgspec import Struct, field
 
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Assignment, Expression
-from rise_engine.scenario.explore_settings import ExploreSettings, StudyProperty
+from rise_engine.scenario.explore_settings import ExploreSettings, StudyProperty, TrialSettings
 from rise_engine.scenario.source_location import SourceLocation as SourceLocation
 from rise_engine.scenario.source_location import TemplateLocation as TemplateLocation
 from rise_engine.scenario.speech.template import Template
-from rise_engine.scenario.trial_settings import TrialSettings
 
 Json: TypeAlias = Any
 """A JSON value: null, boolean, integer, number, string, array or object."""

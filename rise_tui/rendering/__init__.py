@@ -4,5 +4,6 @@ Only this package uses undocumented parts of Textual (`tests/tui/terminal/test_p
 them, and `tests/tui/terminal/test_rendering.py` says for each what breaks when a release changes it.
 
 - `terminal_app`: an app that writes only the cells that differ, and sees every key before anything acts on it.
+- `cell_buffer`: which cells those are.
 - `terminal_driver`: the terminal itself.
 """

@@ -8,8 +8,8 @@ import pytest
 
 from rise_engine.author.lsp.completion import proposals
 from rise_engine.results.export.trial_tables import TRIALS
+from rise_engine.scenario.explore_settings import MEASURES, fits_state
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.trial_settings import MEASURES, fits_state
 
 RULES = """<InteractionRules>
   <InteractionRule name="Quiz" initial="Ask"><State id="Ask"><transition eventTopic="/x" target="Rest"/></State>

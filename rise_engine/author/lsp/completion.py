@@ -10,14 +10,13 @@ from msgspec import Struct
 
 from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.checking.cross_references import engine_topics
-from rise_engine.scenario.explore_settings import ExploredKeys
+from rise_engine.scenario.explore_settings import MEASURES, TRIAL_KEYS, ExploredKeys
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.grammar import COMMON, AttributeForm, form_of
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.reading.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_TABLES
-from rise_engine.scenario.trial_settings import MEASURES, TRIAL_KEYS
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")

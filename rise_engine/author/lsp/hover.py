@@ -11,6 +11,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.checking.uses import Use
+from rise_engine.scenario.explore_settings import TRIAL_KEYS
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.reading.explore_tables import (
@@ -19,7 +20,6 @@ from rise_engine.scenario.reading.explore_tables import (
     PROPERTY_MEANINGS,
     PROPERTY_TABLES,
 )
-from rise_engine.scenario.trial_settings import TRIAL_KEYS
 
 _HEADER = re.compile(r"^[ \t]*\[[ \t]*([\w-]+)([^\]\n]*)\]", re.MULTILINE)
 

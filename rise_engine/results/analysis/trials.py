@@ -22,8 +22,8 @@ from rise_engine.results.analysis.model import (
     WizardKey,
     seconds_between,
 )
+from rise_engine.scenario.explore_settings import SPEECH, TrialSettings
 from rise_engine.scenario.model import Json, normal_topic
-from rise_engine.scenario.trial_settings import SPEECH, TrialSettings
 
 NoNumber: TypeAlias = (
     InterruptionKind | Literal["back", "silent", "cut", "end", "cue", "key", "speech", "unset", "value"]

@@ -32,7 +32,7 @@ from rise_engine.results.export.table_schema import (
     seconds,
     wall_column,
 )
-from rise_engine.scenario.trial_settings import PARTICIPANT, SPEECH
+from rise_engine.scenario.explore_settings import PARTICIPANT, SPEECH
 from rise_engine.study.model import Participant, QuestionnaireSettings, Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire

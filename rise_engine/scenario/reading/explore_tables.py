@@ -11,11 +11,20 @@ from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.nodes import Key, Part
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
-from rise_engine.scenario.explore_settings import ExploredKeys, ExploreSettings, PropertyKind, StudyProperty
+from rise_engine.scenario.explore_settings import (
+    MEASURES,
+    PARTICIPANT,
+    TRIAL_KEYS,
+    ExploredKeys,
+    ExploreSettings,
+    PropertyKind,
+    StudyProperty,
+    TrialSettings,
+    fits_state,
+)
 from rise_engine.scenario.files.toml_files import TomlTable, character_location, is_integer
 from rise_engine.scenario.model import Json, Rule, SourceLocation, normal_topic
 from rise_engine.scenario.reading.expression_checks import expression_message, note_property
-from rise_engine.scenario.trial_settings import MEASURES, PARTICIPANT, TRIAL_KEYS, TrialSettings, fits_state
 from rise_engine.syntax.toml import toml_key
 
 EXPLORE_KEYS = {

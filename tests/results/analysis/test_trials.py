@@ -30,7 +30,7 @@ from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.results.analysis.model import CodedAnnotation, SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.analysis.trials import trials_of
-from rise_engine.scenario.trial_settings import TrialSettings
+from rise_engine.scenario.explore_settings import TrialSettings
 from tests.chance import seeds
 
 from .samples import WIZARD, everything, play_session, recovered_session, task

@@ -151,10 +151,11 @@ async def test_what_rules_did_for_themselves_is_hidden_counted_and_shown_on_requ
         assert list(rows_of(pane.store, pane.task_log.ids))[3].behavior == "the begin of laughter"
         keeper = UiState(Preferences(rules_own=True))
         pane.show_own_rows(False)
-        keeper.restore(it.screen, "dark")
-        assert pane.own_rows_shown and keeper.collect_changes(it.screen, "dark") == [], "whether it is shown lasts"
+        panes = it.screen.pane_layout
+        keeper.restore(panes, it.screen.store.attach_reply, "dark")
+        assert pane.own_rows_shown and keeper.collect_changes(panes, "dark") == [], "whether it is shown lasts"
         pane.show_own_rows(False)
-        ((_, found),) = keeper.collect_changes(it.screen, "dark")
+        ((_, found),) = keeper.collect_changes(panes, "dark")
         assert isinstance(found, Preferences) and not found.rules_own
 
 

@@ -12,7 +12,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from rise_tui.rendering.terminal_app import GAP, Cell, CellBuffer, CellRun, cells_of, strip_of
+from rise_tui.rendering.cell_buffer import GAP, Cell, CellBuffer, CellRun, cells_of, strip_of
 
 RED, BLUE = Style(color="red"), Style(color="blue")
 

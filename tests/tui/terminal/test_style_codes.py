@@ -8,7 +8,7 @@ from rich.color import ColorSystem
 from rich.control import Control
 from rich.style import Style
 
-from rise_tui.rendering.terminal_app import shorten_styles
+from rise_tui.rendering.cell_buffer import shorten_styles
 
 COLOURS = (None, "red", "bright_blue", "color(246)", "color(23)", "#102030", "default")
 STYLES = st.builds(
