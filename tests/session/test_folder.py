@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.loader import load
 from rise_engine.session.folder import JOURNAL, create_session, describe_session, read_info
 
@@ -14,8 +15,16 @@ from .journals import ACTS, TOML, write
 def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
     loaded = load(write(tmp_path / "study", acts=ACTS, toml=TOML))
     assert loaded.scenario is not None
-    who = {"participant": "P07", "condition": "B", "wizard": 'anna "A"'}
-    folder = create_session(tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, faults=(), versions={}, **who)
+    folder = create_session(
+        tmp_path / "sessions",
+        loaded.scenario,
+        loaded.files,
+        seed=1,
+        faults=(),
+        versions={},
+        wizard='anna "A"',
+        begun=SessionStarted(participant="P07", condition="B"),
+    )
     (folder / JOURNAL).touch()
     info = read_info(folder)
     assert (info.participant, info.condition, info.wizard) == ("P07", "B", 'anna "A"')
