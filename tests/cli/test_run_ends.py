@@ -47,7 +47,7 @@ def options(first: tuple[Submit, ...], speed: float | None, **more: Any) -> RunO
 
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_stops_the_robot_first(study: Path, which: signal.Signals) -> None:
-    with Live("run", study, "--act", "Greet", "--json") as live:
+    with Live("run", study, "--act", "Greet", "--rule", "Clock", "--json") as live:  # the rule goes on
         live.until("action", status="accepted")
         live.signal(which)
         assert live.rest() == 130
