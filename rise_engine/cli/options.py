@@ -142,7 +142,7 @@ FAULTS = click.option(
 SESSION_OPTIONS = (
     ROBOT,
     MODE,
-    click.option("--participant", metavar="ID", default="", help="Record the session for this participant."),
+    click.option("--participant", metavar="ID", default="", help="Name this participant in the records."),
     click.option(
         "--condition", metavar="NAME", default="", help="Use this condition of the scenario, with its memory values."
     ),

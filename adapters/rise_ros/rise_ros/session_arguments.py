@@ -32,7 +32,7 @@ SERVE_OPTIONS = {
     "seed": "Set the seed of all random choices. Default: a new one.",
     "robot": "Use this robot instead of the scenario's.",
     "mode": "Use this mode instead of the scenario's.",
-    "participant": "Record the session for this participant.",
+    "participant": "Name this participant in the records.",
     "condition": "Use this condition of the scenario, with its memory values.",
     "language": "Let the robot speak this language (texts/TAG.toml).",
     "allow_untranslated": "With --language: say texts without a translation as the acts have them.",

@@ -74,6 +74,8 @@ def run(
 ) -> int:
     """Run the scenario in DIR without a screen.
 
+    It keeps no session folder: --json prints the records, and `rise-engine serve` keeps a session.
+
     Each --set comes first, then each --rule, each --act, and the tasks at their times.
 
     With --study, it runs the participant's next session in debug mode. This session takes no slot and is not kept.
