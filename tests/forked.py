@@ -278,6 +278,7 @@ def _serve(control: socket.socket) -> dict[str, Any]:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever started the tests, such as nohup, may ignore it
             for connection in (control, end, woken, wakes, *running.values()):
                 connection.close()
             _become(what, given[1:])
