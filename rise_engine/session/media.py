@@ -105,6 +105,8 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     """The recorder that made it. Empty: a person added it."""
     bytes: int | None = None
     sha256: str = ""
+    fingerprint: str = ""
+    """From `rise_engine.base.files.fingerprint`, when its recorder had ended or the file was added."""
     duration: float | None = None
     """Seconds."""
     offset: float | None = None

@@ -158,20 +158,18 @@ def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:
     :param inside: also those within the session's folder.
     """
     listed = (os.path.normpath(media_path(folder, each)) for each in _listed(folder))
-    found = dict.fromkeys((*(path for path, _ in _recorded(folder)), *listed))
+    found = dict.fromkeys((*_recorded(folder), *listed))
     return [path for path in found if inside or not Path(path).is_relative_to(folder.absolute())]
 
 
-def recording_facts(folder: Path, path: str) -> tuple[list[int], list[str]]:
-    """Return the sizes and the SHA-256 that a session has registered for one of its recordings.
+def recording_hashes(folder: Path, path: str) -> list[str]:
+    """Return the checksums and fingerprints that a session has registered for one of its recordings.
 
     :param folder: the session's folder.
     :param path: from `registered_recordings`.
     """
     listed = [each for each in _listed(folder) if os.path.normpath(media_path(folder, each)) == path]
-    sizes = [size for where, size in _recorded(folder) if where == path and size is not None]
-    sizes += [each.bytes for each in listed if each.bytes is not None]
-    return sizes, [each.sha256 for each in listed if each.sha256]
+    return [text for each in listed for text in (each.sha256, each.fingerprint) if text]
 
 
 def why_media_unknown(folder: Path) -> str:
@@ -190,7 +188,7 @@ def _listed(folder: Path) -> tuple[MediaFile, ...]:
         return ()
 
 
-def _recorded(folder: Path) -> tuple[tuple[str, int | None], ...]:
+def _recorded(folder: Path) -> tuple[str, ...]:
     try:
         changed = (folder / JOURNAL).stat().st_mtime_ns
     except OSError:
@@ -199,13 +197,13 @@ def _recorded(folder: Path) -> tuple[tuple[str, int | None], ...]:
 
 
 @lru_cache(maxsize=1_000)
-def _recorded_in(folder: Path, changed: int) -> tuple[tuple[str, int | None], ...]:
+def _recorded_in(folder: Path, changed: int) -> tuple[str, ...]:
     """Read the recordings in a journal. Cached while the journal is unchanged, because studies are read repeatedly."""
-    found: dict[tuple[str, int | None], None] = {}
+    found: dict[str, None] = {}
     for line in _readable_lines(folder):
         said = line.input if isinstance(line, InputLine) else line
         if isinstance(said, RecordingReport | RecordingRecord) and (path := said.path):
-            found[os.path.normpath((folder / os.path.expanduser(path)).absolute()), said.bytes] = None  # noqa: PTH111
+            found[os.path.normpath((folder / os.path.expanduser(path)).absolute())] = None  # noqa: PTH111
     return tuple(found)
 
 

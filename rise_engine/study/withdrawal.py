@@ -37,14 +37,13 @@ from rise_engine.study.traces import (
     new_salt,
     other_study_of,
     owner_of,
-    recording_facts,
+    recording_hashes,
     registered_recordings,
     why_media_unknown,
 )
 from rise_engine.study.withdrawal_work import (
     EXPORTED,
     Erasing,
-    KnownBy,
     WithdrawalPlan,
     WithdrawalReport,
     erase_leftovers,
@@ -284,25 +283,16 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
             for path in registered_recordings(folder, inside=True):
                 others.setdefault(path, []).append(owner or folder.name)
     for path, folders in recorded.items():
-        facts = _recording_facts(folders, path)
         if path in others:
             plan.unreachable.append(f"{path} records {', '.join(sorted(set(others[path])))}, too: cut them out of it")
-        elif sentence := why_not_recording(study, folders[0], Path(path), facts):
+        elif sentence := why_not_recording(study, Path(path)):
             plan.unreachable.append(sentence)
         else:
             plan.recordings.append(path)
-            if facts.hashes:
-                plan.hashes[path] = facts.hashes
-            else:
-                plan.sizes[path] = facts.sizes
+            plan.hashes[path] = [text for folder in folders for text in recording_hashes(folder, path)]
     _plan_exports(plan, study, log)
     _note_missing(plan, study, log)
     return plan
-
-
-def _recording_facts(folders: Sequence[Path], path: str) -> KnownBy:
-    found = [recording_facts(folder, path) for folder in folders]
-    return KnownBy([size for sizes, _ in found for size in sizes], [each for _, hashes in found for each in hashes])
 
 
 def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
 
 import msgspec
 from msgspec import Struct, field
 
-from rise_engine.base.errors import SessionError, StudyError
-from rise_engine.base.files import Disk, error_message, tree_hash
+from rise_engine.base.errors import StudyError
+from rise_engine.base.files import Disk, error_message, fingerprint, tree_hash
 from rise_engine.base.text import name_some
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE
-from rise_engine.session.folder import INFO, JOURNAL, read_info
+from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
 from rise_engine.study.labels import SESSIONS
 from rise_engine.study.plan_file import PLAN_FILE
@@ -41,15 +40,6 @@ _OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
 
 EXPORTED = frozenset({"exported", "written"})
 """Kinds of entries of the log about an export."""
-
-
-class KnownBy(Struct):
-    """The sizes and checksums that identify a recording."""
-
-    sizes: list[int] = []
-    """Bytes, for a folder with all contents."""
-    hashes: list[str] = []
-    """From `rise_engine.base.files.tree_hash`."""
 
 
 def why_not_export(study: Path, export: str) -> str:
@@ -82,13 +72,11 @@ def is_there(study: Path, export: str) -> bool:
     return os.path.lexists(path) or bool(find_leftovers(_real_place(path)))
 
 
-def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) -> str:
+def why_not_recording(study: Path, path: Path) -> str:
     """Say why people must deal with a recording that a session has registered, or return an empty text.
 
     :param study: the study's folder.
-    :param session: the session's folder.
     :param path: the registered absolute path.
-    :param facts: the registered sizes and checksums.
     """
     if not os.path.lexists(path):
         return f"{path} is not on this computer: erase it where it was recorded"
@@ -96,12 +84,6 @@ def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) ->
         return sentence
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         return f"{path} is a folder, but not a bag: erase their data in it"
-    if not (facts.sizes or facts.hashes):
-        return f"{path}: nothing says how large it was, so it may be another file; check what it is, and erase it"
-    if sentence := _why_other_size(path, facts.sizes):
-        return sentence
-    if not facts.hashes and _is_older(path, session):
-        return f"{path} is older than the session that names it: check what it is"
     return ""
 
 
@@ -123,7 +105,7 @@ def why_not_place(study: Path, path: Path) -> str:
 
 def why_other(path: Path, hashes: Collection[str]) -> str:
     """Say why a path no longer has the content that was written there, or return an empty text. Raises OSError."""
-    if hashes and tree_hash(path) in hashes:
+    if hashes and (fingerprint(path) in hashes or tree_hash(path) in hashes):
         return ""
     if hashes:
         return f"{path} was changed since it was written: erase their data in it"
@@ -140,27 +122,6 @@ def _is_of_scenario(path: Path, root: Path) -> bool:
     if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
         return True
     return not any((path / name).is_file() for name in _OF_EXPORTS) and any(path.rglob(SCENARIO_FILE))
-
-
-def _why_other_size(path: Path, sizes: Collection[int]) -> str:
-    if not sizes or _size(path) in sizes:
-        return ""
-    return f"{path} has another size than what was recorded: check what it is, and erase it"
-
-
-def _size(path: Path) -> int:
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(each.lstat().st_size for each in files if each.is_file())
-
-
-def _is_older(path: Path, session: Path) -> bool:
-    """Whether it was last written before the session began, or this is unknown."""
-    try:
-        started = datetime.fromisoformat(read_info(session, compare=False).started).timestamp()
-    except (SessionError, ValueError):
-        return True
-    newest = max((each.lstat().st_mtime for each in path.rglob("*")), default=0) if path.is_dir() else 0
-    return max(newest, path.lstat().st_mtime) < started - 1
 
 
 class WithdrawalPlan(Struct):
@@ -181,8 +142,6 @@ class WithdrawalPlan(Struct):
     """Rows that stay in the study's `anonymous.csv`."""
     hashes: dict[str, list[str]] = field(default_factory=dict)
     """The hashes of exports and recordings as they were written, by path."""
-    sizes: dict[str, list[int]] = field(default_factory=dict)
-    """The bytes of recordings without a hash, as they were recorded, by path."""
     begun: list[str] = field(default_factory=list)
     """Files that were found unchanged, and whose erasing has begun."""
 
@@ -260,7 +219,6 @@ def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
         list(dict.fromkeys([*before.export_folders, *now.export_folders])),
         [*before.kept, *now.kept],
         {**before.hashes, **now.hashes},
-        {**before.sizes, **now.sizes},
         before.begun,
     )
 
@@ -289,7 +247,7 @@ class Erasing:
         plan, report = self._plan, self.report
         add_rows(self._study, plan.kept, self._disk)  # first: the list is their only place until then
         for text in plan.recordings:
-            self._erase_if_same(text, why_not_place(self._study, Path(text)), proved=text in plan.hashes)
+            self._erase_if_same(text, why_not_place(self._study, Path(text)))
         for text, others in plan.exports.items():
             if self._erase_if_same(text, why_not_export(self._study, text)) and others:
                 report.make_again.append(f"{self._study / text} (with {', '.join(others)})")
@@ -321,14 +279,13 @@ class Erasing:
             if len(kept) < len(entries):
                 log.rewrite(kept)
 
-    def _erase_if_same(self, text: str, why: str, *, proved: bool = True) -> bool:
+    def _erase_if_same(self, text: str, why: str) -> bool:
         path, plan = self._study / text, self._plan
         if not why and text not in plan.begun:
             if not os.path.lexists(path):
                 return False
             try:
-                known, sizes = plan.hashes.get(text, []), plan.sizes.get(text, [])
-                why = why_other(path, known) if proved else _why_other_size(path, sizes)
+                why = why_other(path, plan.hashes.get(text, []))
             except OSError as error:
                 return self._fail(path, error)
         if why:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.base.files import tree_hash
+from rise_engine.base.files import fingerprint, tree_hash
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
@@ -240,3 +240,28 @@ def test_older_exports_of_a_redacted_session_are_named_until_they_are_gone(made:
     (tmp_path / "old.csv").unlink()
     assert redacted(made, 0) == ["old.csv"]
     assert [each.get("lines") for each in read_log(made.study) if each.kind == "redacted"] == [2]
+
+
+MIB = 1 << 20
+
+
+@pytest.mark.parametrize(("size", "at"), [(0, None), (1, 0), (MIB, MIB - 1), (5 * MIB, MIB - 1), (5 * MIB, 4 * MIB)])
+def test_a_fingerprint_differs_with_the_size_and_the_ends_of_a_film(tmp_path: Path, size: int, at: int | None) -> None:
+    film = tmp_path / "film"
+    film.write_bytes(bytes(size))
+    before = fingerprint(film)
+    changed = bytearray(size + (at is None))
+    if at is not None:
+        changed[at] = 1
+    film.write_bytes(changed)
+    assert fingerprint(film) != before
+
+
+def test_a_recording_without_a_fingerprint_is_listed(made: Folder, tmp_path: Path) -> None:
+    """Its recorder was killed, for example. The size alone does not prove that the file is what was recorded."""
+    film = tmp_path / "film.mkv"
+    film.write_bytes(b"film")
+    register_media(made.sessions[0], MediaFile(path=str(film), kind="video", bytes=4))
+    unreached = withdraw(made.study, "P01").unreached
+    assert any(each.startswith(f"{film}: nothing says what was written there") for each in unreached)
+    assert film.exists()

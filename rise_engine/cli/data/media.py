@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
+from rise_engine.base.files import fingerprint
 from rise_engine.base.text import pluralize
 from rise_engine.cli.data.coded import MarksAndOutages, parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
@@ -188,6 +189,7 @@ def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | No
         name=name or file.name,
         bytes=facts.bytes,
         sha256=hash_file(path),
+        fingerprint=fingerprint(path),
         duration=facts.duration if facts.duration is not None else file.duration,
         fps=facts.fps,
         added=datetime.now().astimezone().isoformat(timespec="seconds"),

@@ -17,7 +17,7 @@ from typing import TypeAlias
 from msgspec.structs import replace
 
 from rise_engine.base.errors import RiseError
-from rise_engine.base.files import make_private_folder
+from rise_engine.base.files import fingerprint, make_private_folder
 from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from rise_engine.run.client import EngineGone, LinkLost, Session, connect
 from rise_engine.run.protocol.client import Rejected
@@ -276,11 +276,20 @@ def _register(files: list[RecordedFile], folder: Path) -> None:
                 kind=file.kind,
                 name=file.name,
                 bytes=recording_size(file.path) or file.bytes,
+                fingerprint=_fingerprint(path),
                 offset=-round(file.started_at, 3),
                 aligned_by="start",
                 added=datetime.now().astimezone().isoformat(timespec="seconds"),
             ),
         )
+
+
+def _fingerprint(path: Path) -> str:
+    """Return the fingerprint of a recording. Empty: it is not on this computer, or cannot be read."""
+    try:
+        return fingerprint(path)
+    except OSError:
+        return ""
 
 
 async def _first(*events: asyncio.Event) -> asyncio.Event:

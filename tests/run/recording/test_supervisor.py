@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from rise_engine.base.errors import RiseError
+from rise_engine.base.files import fingerprint
 from rise_engine.kernel.records import AnyRecord, NoteRecord, RecordingRecord, SyncRecord
 from rise_engine.ports.recorder import RecorderError
 from rise_engine.run.client import Session
@@ -116,7 +117,8 @@ async def test_each_is_started_and_stopped_with_marks_and_is_registered(scratch:
     assert stopped.path.startswith("recordings/") and (it.session.folder / stopped.path).stat().st_size == 100
     files = {each.name: each for each in read_media(it.session.folder)}
     assert set(files) == {"camera", "bag"} and files["camera"].aligned_by == "start"
-    assert files["camera"].path == f"recordings/{it.session.folder.name}_camera.mkv"
+    path = f"recordings/{it.session.folder.name}_camera.mkv"
+    assert files["camera"].path == path and files["camera"].fingerprint == fingerprint(it.session.folder / path)
 
 
 async def test_the_mark_at_the_end_has_another_number_than_one_that_the_end_interrupts(
