@@ -283,13 +283,14 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
             for path in registered_recordings(folder, inside=True):
                 others.setdefault(path, []).append(owner or folder.name)
     for path, folders in recorded.items():
+        hashes = [text for folder in folders for text in recording_hashes(folder, path)]
         if path in others:
             plan.unreachable.append(f"{path} records {', '.join(sorted(set(others[path])))}, too: cut them out of it")
-        elif sentence := why_not_recording(study, Path(path)):
+        elif sentence := why_not_recording(study, Path(path), hashes):
             plan.unreachable.append(sentence)
         else:
             plan.recordings.append(path)
-            plan.hashes[path] = [text for folder in folders for text in recording_hashes(folder, path)]
+            plan.hashes[path] = hashes
     _plan_exports(plan, study, log)
     _note_missing(plan, study, log)
     return plan

@@ -72,11 +72,12 @@ def is_there(study: Path, export: str) -> bool:
     return os.path.lexists(path) or bool(find_leftovers(_real_place(path)))
 
 
-def why_not_recording(study: Path, path: Path) -> str:
+def why_not_recording(study: Path, path: Path, hashes: Collection[str]) -> str:
     """Say why people must deal with a recording that a session has registered, or return an empty text.
 
     :param study: the study's folder.
     :param path: the registered absolute path.
+    :param hashes: the registered checksums and fingerprints.
     """
     if not os.path.lexists(path):
         return f"{path} is not on this computer: erase it where it was recorded"
@@ -84,7 +85,10 @@ def why_not_recording(study: Path, path: Path) -> str:
         return sentence
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         return f"{path} is a folder, but not a bag: erase their data in it"
-    return ""
+    try:
+        return why_other(path, hashes)
+    except OSError as error:
+        return f"{path} cannot be read: {error.strerror or error}. Erase it yourself"
 
 
 def why_not_place(study: Path, path: Path) -> str:
