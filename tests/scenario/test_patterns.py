@@ -192,7 +192,8 @@ def test_the_library_is_what_the_page_describes() -> None:
     assert {name for name, _ in sections} >= names
     for name, text in sections:
         if name in names:
-            assert set(re.findall(r"^\| `(\w+)`", text, re.MULTILINE)) == set(parameters(name)), name
+            every = {"name", "priority"} if name in OUTCOMES else set()
+            assert every | set(re.findall(r"^- `(\w+)`", text, re.MULTILINE)) == set(parameters(name)), name
         if name in OUTCOMES:
             drawn = set(re.findall(r"\[([A-Z][\w ]*)\]", text))
             assert drawn == set(example(name).rules["P"].states), name
