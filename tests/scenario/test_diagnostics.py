@@ -643,7 +643,7 @@ def test_every_code_is_documented() -> None:
             "robot-profile",
         )
     )
-    documented = set(re.findall(r"^\| `([a-z-]+)` \|", DOCS.read_text("utf-8"), re.MULTILINE))
+    documented = set(re.findall(r"^- `([a-z-]+)`: ", DOCS.read_text("utf-8").partition("## Diagnostics")[2], re.MULTILINE))
     assert codes == documented
 
 

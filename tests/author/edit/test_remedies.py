@@ -194,5 +194,5 @@ def test_nothing_is_offered_that_cannot_be_made(tmp_path: Path) -> None:
 
 def test_every_code_with_remedies_is_one_that_there_is() -> None:
     listed = (Path(__file__).parents[3] / "docs" / "reference" / "scenario.md").read_text()
-    assert [code for code in _REMEDIES if f"| `{code}` |" not in listed] == []
+    assert [code for code in _REMEDIES if f"- `{code}`: " not in listed] == []
     assert {each.code for each in CASES} | {"unnoticed-failure", "key-twice"} >= set(_REMEDIES)
