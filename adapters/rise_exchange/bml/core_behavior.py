@@ -1,4 +1,4 @@
-"""An action in BML 1.0's core, as far as the core can express it (docs/reference/bml.md has the table). Its times."""
+"""An action in BML 1.0's core, as far as the core can express it (docs/reference/bml.md has the list). Its times."""
 
 from __future__ import annotations
 

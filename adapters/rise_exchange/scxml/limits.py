@@ -1,6 +1,6 @@
 """The limits of SCXML for a rule: why it is refused, and what is lost, named before anything is written.
 
-docs/reference/scxml.md has a row for each code. They follow from what a rule waits for, raises, reads and sets.
+docs/reference/scxml.md has a line for each code. They follow from what a rule waits for, raises, reads and sets.
 """
 
 from __future__ import annotations
