@@ -65,11 +65,11 @@ def test_every_field_of_every_record_is_documented() -> None:
     from rise_engine.kernel.records import AnyRecord
 
     page = (DOCS / "reference" / "records.md").read_text(encoding="utf-8")
-    rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    items = {item.partition("`")[0]: item for item in re.split(r"^- `", page, flags=re.MULTILINE)}
     for record in get_args(AnyRecord):
         kind = record.__struct_config__.tag
         for field in set(record.__struct_encode_fields__) - {"seq", "t", "wall"}:
-            assert f"`{field}`" in rows[kind], f"{kind}.{field} is not in docs/reference/records.md"
+            assert f"`{field}`" in items[kind], f"{kind}.{field} is not in docs/reference/records.md"
 
 
 # --- files and names of the code --------------------------------------------------------------------------------------

@@ -106,7 +106,7 @@ def test_a_new_place_in_the_queue_is_no_moment() -> None:
 
 def test_every_marker_is_in_the_documentation(data: SessionData) -> None:
     section = PAGE.read_text("utf-8").partition("## Markers")[2].partition("\n## ")[0]
-    patterns = re.findall(r"^\| `([^`]+)`", section, re.MULTILINE)
+    patterns = re.findall(r"^- `([^`]+)`", section, re.MULTILINE)
     assert len(patterns) > 10
     known = [re.compile(re.sub(r"\\?[A-Z]{2,}", ".+", pattern)) for pattern in patterns]
     unknown = {each for _, each in recorded_markers(data) if not any(form.fullmatch(each) for form in known)}

@@ -213,7 +213,7 @@ def test_every_message_of_the_protocol_stands_in_the_reference_with_an_example()
             found = [line for line in lines if line.startswith(f'{{"type":"{kind}"')]
             read_as = [each for line in found for each in [_read(read, line)] if isinstance(each, message)]
             assert read_as, f"{kind} has no example"
-            assert f"| `{kind}` |" in text
+            assert f"- `{kind}`: " in text
             example = next(line for line in found if isinstance(_read(read, line), message))
             if union is ServerMessage:
                 assert set(json.loads(example)) - {"type"} == set(message.__struct_fields__), kind
