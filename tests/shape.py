@@ -1,6 +1,6 @@
 """How large the tree is, and how far one thing goes through it: `./dev shape`. All of it is measured.
 
-    ./dev shape                 the table, as docs/explanation/architecture.md shows it
+    ./dev shape                 a table of everything that is measured, and of what is wanted
     ./dev shape key             one walk (`WALKS`): its files, and how many functions of each
 
 A walk is played in a Python of its own, so that nothing has been read before. `sys.setprofile` counts what is called.

@@ -25,7 +25,7 @@ NOT_HERE = re.compile(
     r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer)"
 )
 """What a session in this process, with a simulated robot and without a terminal, does not come by."""
-STEP = re.compile(r"^\| \d+ \|.*", re.MULTILINE)
+STEP = re.compile(r"^\d+\. .*", re.MULTILINE)
 PLACE = re.compile(r"`([\w/]+\.py): ([\w.]+(?:, [\w.]+)*)`")
 
 
