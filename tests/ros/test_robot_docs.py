@@ -323,10 +323,10 @@ def test_what_a_result_says(tmp_path: Path) -> None:
 def test_the_defaults_of_the_options_and_deadlines() -> None:
     defaults = RosOptions()
     for name in ("server", "acceptance", "feedback", "result", "cancel"):
-        (told,) = re.findall(rf"^\| `{name}` \| (\d+) \|", ROBOTS, re.M)
+        (told,) = re.findall(rf"^- `{name}` \((\d+)\): ", ROBOTS, re.M)
         assert float(told) == getattr(defaults.deadlines, name)
     names = "wrapper|frame|deadlines|error|estop|leftovers|share|unattended"
-    told = re.findall(rf"^\| `({names})` \| (.*?) \|", ROBOTS, re.M)
+    told = re.findall(rf"^- `({names})` \((.*?)\): ", ROBOTS, re.M)
     assert {name for name, _ in told} >= set(RosOptions.__struct_fields__)
     assert dict(told)["frame"] == f"`{defaults.frame}`"
 

@@ -74,7 +74,7 @@ def test_every_code_is_documented() -> None:
         codes.update(re.findall(r"\.(?:error|warning|report_[a-z]+)\(\s*\"([a-z]+(?:-[a-z]+)+)\"", text))
         codes.update(re.findall(r"\.report\([^\"()]*\"[a-z]+\", \"([a-z]+(?:-[a-z]+)+)\"", text))
         codes.update(re.findall(r"\.report\([^\"()]*\"([a-z]+(?:-[a-z]+)+)\"", text))
-    rows = re.findall(r"^- ((?:`[a-z-]+`(?:, )?)+): ", PAGE.partition("## Diagnostics")[2], re.MULTILINE)
+    rows = re.findall(r"^- ((?:`[a-z-]+`(?:,\s+)?)+): ", PAGE.partition("## Diagnostics")[2], re.MULTILINE)
     documented = {code for row in rows for code in re.findall(r"[a-z-]+", row)}
     assert codes | {"no-program"} == documented
 
