@@ -25,6 +25,12 @@ _OF_A_TIME = {
     ),
 }
 """What several tables say about columns of these names, and columns of other names about another time."""
+_SAID_ONCE = (
+    "; the key together with session",
+    " The first sound comes later.",
+    " Cues that were taken back do not count.",
+)
+"""What the page says above its lists."""
 _SHORT = 8
 """Words that are not worth a reference."""
 _MARK = re.compile(r"(<!-- columns: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -39,7 +45,9 @@ class Told:
 
     def about(self, table: str, column: Column) -> str:
         """What a column means: in full the first time, later as a reference."""
-        about = column.about.replace("Session time when", "When").replace("; the key together with session", "")
+        about = column.about.replace("Session time when", "When")
+        for said in _SAID_ONCE:
+            about = about.replace(said, "")
         for name, template in _OF_A_TIME.items():
             if found := template.fullmatch(about):
                 if column.name != name:
