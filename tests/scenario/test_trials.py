@@ -72,6 +72,11 @@ def test_what_is_wrong_is_said_with_its_place(
     assert said in found.get((code, place), ""), found
 
 
+def test_a_mistyped_key_is_reported_once(tmp_path: Path) -> None:
+    found = load(scenario(tmp_path / "s", 'stat = "Ask"')).diagnostics
+    assert [each.code for each in found if each.severity == "error"] == ["unknown-key"]
+
+
 def test_names_in_it_are_uses(tmp_path: Path) -> None:
     loaded = load(scenario(tmp_path / "s", 'state = "Quiz/Rest"\ncolumns = ["items[i].text"]'))
     named = {

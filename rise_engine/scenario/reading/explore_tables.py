@@ -245,7 +245,8 @@ def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | No
         )
     elif not state and "key" not in table.values:
         message = '[trials] does not say what begins a trial: state = "STATE" of a rule, or key = "KEY" of the memory'
-        table.report_key("missing-value", message)
+        if set(table.values) <= set(TRIAL_KEYS):  # a mistyped `state` has its own error
+            table.report_key("missing-value", message)
         return None
     if key is not None and not isinstance(key.root, Key):
         table.report_value("wrong-value", "key", "`key` is a memory key, whose change begins a trial")
