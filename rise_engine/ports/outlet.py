@@ -30,4 +30,4 @@ class OutletPlan(Struct, frozen=True):
 
 OutletRunner: TypeAlias = Callable[[OutletPlan, Event], Awaitable[None]]
 """The callable of an entry point: (plan, finish) -> None. It returns when the session is over, or soon after `finish`
-is set. It raises AdapterError when it cannot continue."""
+is set. Raises AdapterError."""

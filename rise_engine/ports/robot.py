@@ -162,8 +162,8 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None:
-        """Release everything, and cancel running actions without waiting for them. No reports after this. It may be
-        called twice, and without `connect` before it."""
+        """Cancel running actions without waiting, and release everything. No reports follow. Repeated calls have no
+        effect."""
         ...
 
 

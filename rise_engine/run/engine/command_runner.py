@@ -79,8 +79,8 @@ class CommandRunner:
             return None
 
     def connect(self, unfinished: Iterable[StartAction] = (), held_by: Sequence[str] = ()) -> None:
-        """Connect to the robot. `unfinished`: actions of an earlier engine that may still run; `held_by`: the emergency
-        stops that were pressed for that engine."""
+        """Connect to the robot. `unfinished`: an earlier engine's actions; `held_by`: the emergency stops pressed for
+        it."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
         if held_by and isinstance(robot, RobotWithEstop):

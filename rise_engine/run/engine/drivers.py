@@ -147,8 +147,7 @@ def unstoppable_actions(findings: Iterable[ProfileFinding]) -> list[str]:
 
 
 def robot_warnings(scenario: Scenario) -> list[str]:
-    """Return what the wizard must know of the robot before a real session: it is only simulated, or F9 cannot stop an
-    action. A rehearsal has no warnings."""
+    """Return warnings about the robot before a real session: it is only simulated, or F9 cannot stop an action."""
     profile = scenario.robot
     if scenario.mode != "real":
         return []

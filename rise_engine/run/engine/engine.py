@@ -578,8 +578,8 @@ class Engine:
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
-        """Carry out a command that needs no record first. An action cancelled before it was sent never starts. The
-        release of an earlier stop does not end a new one."""
+        """Carry out a command that needs no record first. An action that it cancels before sending never starts, and a
+        stop stays when an earlier one is released."""
         if isinstance(command, CancelAction):
             for step in self._unrecorded_steps:
                 for start in step.starts:

@@ -23,8 +23,7 @@ which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
 """take: whoever has it. ask: the holder for it. give: to the asker. release: to nobody. A wizard who attaches while
-nobody has control gets it, except in a recovered session that waits for a wizard: there, taking control continues
-it."""
+nobody has control gets it, unless a recovered session waits for a wizard. There, taking control continues it."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
 """The inputs of a client. The engine sets the time and the source."""
@@ -107,8 +106,7 @@ class AttachReply(Struct, frozen=True):
     view: SessionView
     """The state at `view.seq`. The next record has the next number."""
     you: str = ""
-    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna. `view.control` names the
-    holder of control."""
+    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna, as in `view.control`."""
     role: Role = "wizard"
     folder: str = ""
     """The session's folder; empty: nothing is stored."""

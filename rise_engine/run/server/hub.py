@@ -37,8 +37,8 @@ ALLOWED_WITHOUT_CONTROL = MAKES_SAFE | {"markMistake"}
 STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopRuleOfAct", "cancelTask"})
 """Functions that are harmless even when late."""
 STANDSTILL_SECONDS = 5.0
-"""After a longer standstill of this process, earlier requests start nothing. The standstill is noted, because it
-lengthens durations in the record."""
+"""After a longer standstill of this process, earlier requests start nothing. It is noted, for durations in the
+record."""
 MOST_BEHIND_SECONDS = 2.0
 """While the disk has recorded nothing for longer, nothing starts, because people would repeat their requests."""
 SUSPENDED_SECONDS = 1.0
@@ -118,8 +118,7 @@ class SessionHub:
         return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
 
     def all_tasks(self) -> list[TaskView]:
-        """Return the view's tasks. The list is kept until there is a new task, because a copy takes ten times as
-        long."""
+        """Return the view's tasks, kept until there is a new one: copying the view takes ten times as long."""
         if self._all_tasks is None:
             self._all_tasks = list(self.view.tasks.values())
         return self._all_tasks

@@ -143,8 +143,7 @@ class SessionPreparation:
         return theirs[0] if theirs else None
 
     def _is_theirs(self, unfinished: Path) -> bool:
-        """Whether a session is of the named participant and condition, by its journal. To continue it, its other files
-        must agree."""
+        """Whether a session is of the named participant and condition, by its journal. Its other files may differ."""
         return belongs_to(read_info(unfinished, compare=False), self.options.participant, self.options.condition)
 
     def _refuse_if_running(self, scenario_folder: str) -> None:

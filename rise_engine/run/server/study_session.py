@@ -145,8 +145,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
     def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
-        """Refuse because a session runs. Only the participant's own is named with its socket, for a console to
-        attach."""
+        """Refuse because a session runs. Only the participant's own is named, with its socket for a console."""
         participant = self.options.participant
         running = next((each for each in state.sessions if each.entry.status == "running"), None)
         if running is None:

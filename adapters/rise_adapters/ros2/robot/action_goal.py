@@ -43,8 +43,8 @@ from rise_engine.kernel.commands import StartAction
 _LOG = logging.getLogger(__name__)
 
 MAX_SENDS = 3
-"""The maximum number of sends if a goal's server disappears before it answers. The goal keeps its id, so a server that
-already has it rejects the repetition."""
+"""Maximum sends, if a goal's server disappears before it answers. A server that knows the goal's id rejects a
+repetition."""
 
 
 class ActionGoal:
@@ -117,8 +117,8 @@ class ActionGoal:
             self._ask_result()
 
     def cancel(self) -> None:
-        """Stop the goal. A goal that was not sent ends immediately. Otherwise the server is asked after it has accepted
-        the goal. For an open goal, the server is asked again."""
+        """Stop the goal. One that was not sent ends immediately; otherwise its server is asked, as soon as it has
+        accepted it."""
         cancellation = self.cancellation
         if self.phase == "ended" and self.may_be_running:
             self._may_cancel = True
@@ -407,8 +407,7 @@ class ActionGoal:
             self._mark_over()
 
     def _note_unknown(self, servers: int) -> bool:
-        """Note that the server does not know the goal, and return whether that ends it. `servers`: as at the
-        request."""
+        """Note that the server does not know the goal. Returns whether that ends it. `servers`: as at the request."""
         presence = self.endpoint.presence
         if presence.count != 1 or presence.changes != servers or not self._are_all_found():
             return False  # another server may have it
@@ -422,8 +421,8 @@ class ActionGoal:
         return self.endpoint.client.count_servers() == self.endpoint.presence.count
 
     def _take_unknown_goal(self, servers: int) -> None:
-        """Handle a server that does not know the goal. If it only keeps no results, its status topic reports the ending
-        soon."""
+        """Handle a server that does not know the goal. If it only keeps no results, its status topic soon reports the
+        end."""
         presence = self.endpoint.presence
         if presence.changes != servers or not self._are_all_found():
             return  # the present servers were asked since, or are after the next poll

@@ -22,8 +22,8 @@ from rise_adapters.ros2.transport.port import Message
 # --- asking for a result ----------------------------------------------------------------------------------------------
 
 REPEAT_SECONDS = 5.0
-"""Seconds between requests for a running goal's result. A server that was restarted unnoticed then answers immediately
-that it does not know the goal."""
+"""Seconds between requests for a running goal's result. A server that was restarted unnoticed does not know the
+goal."""
 DOUBT_SECONDS = 1.0
 """The shorter interval if there is a reason for doubt."""
 UNKNOWN_GRACE = 0.3
@@ -138,8 +138,8 @@ class Cancellation:
         self.refused_at = None
 
     def refuse(self, now: float) -> bool:
-        """Note a refusal, and return whether it counts. The same answer may mean that the goal is stopping or has just
-        ended. Only a repetition a while later counts as a refusal."""
+        """Note a refusal, and return whether it counts: only a later repetition does. The first may mean that the goal
+        is stopping or has just ended."""
         if self.refused_at is None:
             self.refused_at = now
             return False
@@ -265,8 +265,8 @@ def of_two_servers(endpoint: ActionEndpoint | ServiceEndpoint) -> Outcome:
 
 
 def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
-    """The ending if the whole robot is lost for this reason. A goal that was not sent has failed. The state of a sent
-    one is unknown."""
+    """The ending if the whole robot is lost. A goal that was not sent has failed; the state of a sent one is
+    unknown."""
     if was_sent:
         return "lost", reason
     return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"

@@ -38,8 +38,7 @@ ASKING_SECONDS = 0.5
 """Seconds after it appears for questions about earlier goals, before the fault is reported."""
 
 HEARING_SECONDS = 5.0
-"""Seconds within which a newly found status topic delivers its last status, even after one loss (Fast DDS repeats after
-3 s)."""
+"""Seconds until a new status topic delivers its last status, even after one loss (Fast DDS repeats after 3 s)."""
 
 PROBE_SECONDS = 2.0
 """Seconds between questions to a server that owes an answer. A server that works again answers the next one."""
@@ -62,8 +61,7 @@ class OpenOne(Protocol):
 NOT_HEARD = "it may not have heard that it should stop"
 
 UNLISTED_SECONDS = 1.0
-"""Seconds after it appears within which all parts of an endpoint must be seen and compared before it gets a goal. The
-middleware will not list parts that are still missing."""
+"""Seconds for all parts of a new endpoint to be seen and compared. Later, the middleware lists no more parts."""
 
 
 class _ComparedEndpoint:
@@ -402,8 +400,8 @@ class TopicEndpoint(_ComparedEndpoint):
         self._taken_back_at = self._clock.now()
 
     def tell(self, *, everybody: bool) -> None:
-        """Publish the reset again if some listener may not have received it. `everybody`: also for listeners without an
-        order of ours."""
+        """Publish the reset again if some listener may lack it. `everybody`: also for listeners without an order of
+        ours."""
         if self.user is not None or not self.is_stoppable or not (everybody or self._listeners.have_order):
             return
         now, since = self._clock.now(), self._taken_back_at

@@ -46,8 +46,7 @@ class EstopInput:
         report: Callable[[EstopReport], object],
         before: EstopInput | None = None,
     ) -> None:
-        """`now`: seconds on any running clock; `before`: the same button over an earlier connection. Raises
-        PortError."""
+        """`now`: seconds on any running clock; `before`: the same one over an earlier connection. Raises PortError."""
         self.name = transport.resolve(mapping.name)
         self.source = f"estop:{self.name}"
         self.pressed: bool | None = (before.pressed or None) if before is not None else None

@@ -74,8 +74,8 @@ def assess(
     busy: Collection[Endpoint],
     estop: frozenset[tuple[str, str]] = frozenset(),
 ) -> RobotHealth:
-    """Return the robot's present state. `busy`: the endpoints with a running goal of ours; `estop`: the faults of its
-    emergency stop."""
+    """Return the robot's present state. `busy`: endpoints with a running goal of ours; `estop`: its emergency stop's
+    faults."""
     goals = open_goals(endpoints)
     if transport.failure():
         return RobotHealth("lost", open=goals)
@@ -112,8 +112,8 @@ def why_held(estop: EstopInput | None, left: Goal | None) -> str:
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
-    """Whether it can receive nothing and runs no goal of ours. (Beside a working server, a program that does not fit
-    may have appeared.)"""
+    """Whether it can receive nothing and runs no goal of ours. (A program that does not fit may join a working
+    server.)"""
     if endpoint.fault in ("unfit", "inactive"):
         return endpoint not in busy
     return endpoint.fault == "missing"

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from math import inf
 
 LEASE_SECONDS = 30.0
-"""A program that disappears within these seconds of a reset may have lost its connection before it (Cyclone DDS notices
-after 10 s, Fast DDS after 20 s)."""
+"""A program that disappears so soon after a reset may have missed it (Cyclone DDS notices after 10 s, Fast DDS after
+20)."""
 FINDING_SECONDS = 0.5
 """Seconds until a new listener receives everything. It gets earlier messages again."""
 _SOMEBODY = b"somebody"
@@ -48,8 +48,8 @@ class Listeners:
         return frozenset(self._since)
 
     def update(self, found: Mapping[bytes, str], *, stands: bool, latched: bool) -> None:
-        """Process the present listeners with their nodes. `stands`: the last order is still in force. `latched`: late
-        listeners get it, too."""
+        """Process the present listeners and nodes. `stands`: the last order is in force; `latched`: late listeners get
+        it, too."""
         now = self._now()
         self._note_nodes(found)
         self._take_listed(found)

@@ -219,8 +219,7 @@ class Ros2Robot:
         self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
-        """Make a goal from a message with present values; later messages are made when needed. Raises ValueError if it
-        cannot be sent."""
+        """Make a goal from a message with present values; later messages are made when needed. Raises ValueError."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
@@ -398,8 +397,8 @@ class Ros2Robot:
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
         """Check which servers are present (all, or the given ones), and notify their goals. Endpoints that appear or
-        change are compared with the profile. So is one other endpoint each time, because a program can be replaced
-        between two polls."""
+        change are compared with the profile. So is another one each time, because its program may change between two
+        polls."""
         turn = next(self._turn, None) if some is None else None
         polled = tuple(self._endpoints if some is None else some)
         self._attempt(partial(self._poll_endpoint, endpoint, turn) for endpoint in polled)

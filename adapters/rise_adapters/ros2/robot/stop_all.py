@@ -178,8 +178,8 @@ class CancelAll:
         )
 
     def _ask_about_others(self, changed: Callable[[], None]) -> None:
-        """Ask about other clients' goals that seem to run and that its answer does not name. (Our goals ask for
-        themselves.) `changed` is called with each answer."""
+        """Ask about other clients' goals that seem to run and that its answer does not name. Our goals ask for
+        themselves."""
         unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
         for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
