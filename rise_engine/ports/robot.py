@@ -162,8 +162,8 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None:
-        """Cancel running actions without waiting, and release everything. No reports follow. Repeated calls have no
-        effect."""
+        """Cancel running actions without waiting, and release everything. No reports follow. It may be called
+        twice, and without `connect`."""
         ...
 
 
