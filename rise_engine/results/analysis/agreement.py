@@ -276,7 +276,7 @@ def _beta_share(x: float, a: float, b: float) -> float:
 ALL = ""
 """The group of all units."""
 FEW = 30
-"""With fewer units, reports call the statistics of two wizards an anecdote."""
+"""With fewer units, the intervals of two wizards are wide, and that of kappa is too narrow."""
 
 
 NO_TIMES = "there is no cue to which all of them did something"
