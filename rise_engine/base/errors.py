@@ -46,10 +46,10 @@ Mistakes in the files of a scenario are not errors but a list of diagnostics
 
 
 class RiseError(Exception):
-    """What went wrong, in sentences for the people who run a study; the base of all errors of these packages.
+    """The base of all errors of these packages, with sentences for the people who run a study.
 
-    ``except RiseError`` catches what a caller can tell its users about. It does not catch mistakes of the program.
-    Each argument is one sentence, which is shown as one line.
+    ``except RiseError`` catches errors that a caller can report to its users, and no bugs of the program. Each argument
+    is one sentence, which is shown as one line.
     """
 
     @property
@@ -62,7 +62,7 @@ class RiseError(Exception):
 
 
 class FileError(RiseError):
-    """A file with mistakes: a line for each, which says where it is and what is wrong."""
+    """A file has errors: a line for each, with place and message."""
 
 
 class SessionError(RiseError):
@@ -70,11 +70,11 @@ class SessionError(RiseError):
 
 
 class StudyError(RiseError):
-    """Something cannot be done with a study: planned, begun, judged, withdrawn from."""
+    """A study cannot be planned, begun, judged or changed as requested."""
 
 
 class AdapterError(RiseError):
-    """An adapter cannot be had or used: the driver of a robot, a connection, a recorder, a stream."""
+    """An adapter is missing or cannot be used: the driver of a robot, a connection, a recorder, a stream."""
 
 
 class ExchangeError(RiseError):
