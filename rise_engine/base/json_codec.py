@@ -303,8 +303,7 @@ class _JsonReader:
                 return result, at
 
     def read_separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
-        """Read the separator after a value. Returns the offset after the comma, or after the closing bracket with
-        True."""
+        """Read the separator after a value. Returns the offset after the comma, or after the bracket with True."""
         behind = at
         at = self.skip_blanks(at)
         if self.text.startswith(closing, at):

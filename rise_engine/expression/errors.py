@@ -56,8 +56,7 @@ class EvaluationError(LanguageError):
 
 
 class MissingPartError(EvaluationError):
-    """`items[i].text` names a missing part: no such key, entry or name. The message begins with the word that records
-    use for it (`MISSING_PART`)."""
+    """`items[i].text` names a missing part: no such key, entry or name. The message begins with `MISSING_PART`."""
 
 
 MISSING_PART = "missing-part"

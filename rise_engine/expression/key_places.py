@@ -1,5 +1,4 @@
-"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties, for renaming
-and lists of uses."""
+"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties."""
 
 from __future__ import annotations
 

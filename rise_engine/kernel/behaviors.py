@@ -21,7 +21,7 @@ Resumption: TypeAlias = Literal["enter", "wait", "leave"]
 
 
 class BehaviorError(RiseError, ValueError):
-    """A behaviour that cannot be read; the message is a sentence for a person."""
+    """A behaviour cannot be read; the message is a sentence for a person."""
 
 
 class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):

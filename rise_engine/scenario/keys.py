@@ -120,7 +120,7 @@ _SHIFTED = "write the character that the key types instead: `N`, `#`"
 
 
 class KeyRefusedError(RiseError, ValueError):
-    """A key that a scenario cannot bind. `taken`: whether the console uses it."""
+    """A scenario cannot bind a key. `taken`: whether the console uses it."""
 
     def __init__(self, message: str, taken: bool = False, suggestion: Correction | None = None) -> None:
         """`suggestion`: the intended key; its words are added to the message."""

@@ -51,7 +51,7 @@ ANY_NAME = "*"
 
 
 class ParameterError(RiseError, ValueError):
-    """A value that is invalid for an action's parameter: a sentence that begins with the parameter's name."""
+    """A value is invalid for an action's parameter: a sentence that begins with the parameter's name."""
 
     code = "wrong-type"
     """Or `out-of-range`: a number outside the parameter's limits."""

@@ -312,7 +312,7 @@ def _block(first: Element, last: Element) -> tuple[int, int]:
 def move_siblings(
     first: Element, last: Element, to_first: Element, to_last: Element, *, behind: bool
 ) -> tuple[Splice, Splice]:
-    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their lines and
+    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their
     comments."""
     text, file = first.tree.text, first.tree.name
     if all(has_own_lines(each) for each in (first, last, to_first, to_last)):

@@ -46,7 +46,7 @@ _REASONS = (
 
 
 class InvalidFilter(RiseError, ValueError):
-    """A text that is not a filter, or not yet. The message names the place and the reason, for a person."""
+    """A text is not a filter, or not yet. The message names the place and the reason, for a person."""
 
 
 class Filter:

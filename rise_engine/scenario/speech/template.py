@@ -42,7 +42,7 @@ class TemplateError(RiseError, ValueError):
 
 
 class MissingValueError(RiseError):
-    """A memory key, or a part of its value, is missing and needed to fill a template."""
+    """A template needs a missing value: that of a memory key, or a part of one."""
 
     def __init__(self, key: str, message: str = "") -> None:
         super().__init__(message or f"the memory has no value for {key!r}")

@@ -69,7 +69,7 @@ STATUS = QoS(depth=1, latched=True)
 
 
 class PortError(AdapterError):
-    """This transport lacks something: a type is missing, a message does not fit, or a profile cannot be carried."""
+    """The transport cannot do this: a type is missing, a message does not fit, or a profile is not supported."""
 
 
 class Closable(Protocol):
