@@ -70,11 +70,11 @@ def run_program(
     Processes that it leaves running when it ends by itself continue: it may have started what it checks.
 
     :param arguments: the program and its arguments; a path is relative to the folder.
-    :param folder: where it runs.
+    :param folder: its working directory.
     :param limit: seconds after which its process group is ended.
     :param environment: added to this process' own.
     :param given: its standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
-    :param cancelled: set by another thread when nobody waits any more.
+    :param cancelled: set by another thread when the caller gives up.
     """
     until = monotonic() + limit
     try:

@@ -212,7 +212,7 @@ def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:
 
     :param outcome: a final one, not `asked`.
     :param source: the person who answered or skipped it, such as `wizard:anna`; by default the program.
-    :raises ValueError: nobody has answered it yet.
+    :raises ValueError: it was not answered yet.
     """
     if outcome.result == "asked":
         raise ValueError(f"{outcome.id} has not been answered")

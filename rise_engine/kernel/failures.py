@@ -47,7 +47,7 @@ class FailedActs:
         Arguments:
             task: its task, which was ABORTED.
             reason: why it was.
-            may_repeat: whether it may be repeated automatically. Not if the robot or somebody else ended the act, or if
+            may_repeat: whether it may be repeated automatically. Not if the robot or another program ended the act, or
                 an earlier engine started it.
             robot_lost: whether a repetition has to wait until the robot is back.
         """

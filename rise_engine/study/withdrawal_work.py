@@ -329,7 +329,7 @@ def _linked_files(path: Path) -> list[Path]:
 
 
 def erase_leftovers(study: Path, report: WithdrawalReport) -> None:
-    """Erase incomplete exports of killed programs, whoever is in them."""
+    """Erase incomplete exports of killed programs, with all participants in them."""
 
     def erase(folder: Path) -> None:
         try:

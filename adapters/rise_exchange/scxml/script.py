@@ -23,7 +23,7 @@ UNDECLARED = "undeclared"
 
 
 class ChartRefusedError(RiseError, ValueError):
-    """A chart or a script that our rules cannot express exactly. `code` is the kind of reason."""
+    """Our rules cannot express a chart or a script exactly. `code` is the kind of reason."""
 
     def __init__(self, code: str, message: str, index: int = 0, location: SourceLocation | None = None) -> None:
         super().__init__(message)
