@@ -5,7 +5,7 @@
         PortError                 The transport cannot do this
         RecorderError             The recorder cannot record
       BehaviorError               A behaviour cannot be read
-      ChartRefusedError           A chart or a script that our rules cannot express exactly
+      ChartRefusedError           Our rules cannot express a chart or a script exactly
       EditRefused                 An edit cannot be made
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
