@@ -1,8 +1,8 @@
 """Films of the tutorials: `.venv/bin/python docs/films.py [NAME]`.
 
-A tutorial is played on a terminal of 80 by 24 as in the tests, key by key from its own page or from its file in `KEYS`.
-The screen after each step becomes a frame. Each film is written twice: as an animated SVG for any browser, and as an
-asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
+A tutorial is played on a terminal of 80 by 24 as in the tests. The keys come from its own page or from its file in
+`KEYS`. The screen after each step becomes a frame. Each film is written twice: as an animated SVG for any browser, and
+as an asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
 """
 
 from __future__ import annotations

@@ -84,8 +84,8 @@ def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
 def lookalike_note(word: str, known: str) -> str:
     """Explain the difference of two names that look alike: a sentence for the end of a message, or empty.
 
-    A letter with an accent can be one character or two (file names on macOS and texts from PDF files have two), and
-    names are compared as written.
+    A letter with an accent can be one character or two (file names on macOS and texts from PDF files have two). Names
+    are compared as written.
     """
     if word.isascii() and known.isascii():
         return ""

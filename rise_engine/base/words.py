@@ -1,7 +1,7 @@
 """Finds and replaces words, in all forms in which a program may have written them.
 
-A word is found in upper and lower case, in both of Unicode's forms of `ü`, behind the escapes of JSON (`\\u00fc`, also
-in JSON within a JSON text) and of XML (`&#252;`), and with any blanks between its parts.
+It finds upper and lower case, both of Unicode's forms of `ü`, and any blanks between parts of a word. It also finds the
+escapes of JSON (`\\u00fc`, also in JSON within a JSON text) and of XML (`&#252;`).
 """
 
 from __future__ import annotations

@@ -166,7 +166,7 @@ def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[s
     A dotted key sets the flat key of that name, unless that does not exist and its first part is an object or a list.
     Then it sets a part, as reading does: the new value of the first part is a copy with `value` inside. Missing objects
     on the path are created. Raises EvaluationError if the path leads through another value or beyond the end of a list,
-    or if lists and objects would be nested more than MAX_LEVELS deep.
+    or exceeds MAX_LEVELS.
     """
     head, *rest = key.split(".")
     if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):

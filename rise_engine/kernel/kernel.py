@@ -129,10 +129,10 @@ class Kernel:
             input: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time. An input before the kernel's
                 own time counts as now. The first input of a session is a `SessionStarted`.
 
-        Returns the records, numbered without gaps in the order of events (`wall` is empty, because the kernel knows no
-        clock), and the commands (`rise_engine.kernel.commands`), to be executed in order after the records. The first
-        `TaskRecord` of a `Submit` is that of its own task. An impossible task is REJECTED there with the reason, so
-        requests raise nothing. An exception is an error of this program; do not use the kernel after it.
+        Returns the records and the commands (`rise_engine.kernel.commands`), to be executed in order after the records.
+        Records are numbered without gaps in the order of events; `wall` is empty, because the kernel has no clock. The
+        first `TaskRecord` of a `Submit` is that of its own task. An impossible task is REJECTED there with the reason,
+        so requests raise nothing. An exception is an error of this program; do not use the kernel after it.
 
             >>> from rise_engine.kernel import Kernel
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit

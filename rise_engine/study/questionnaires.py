@@ -159,7 +159,7 @@ def load_questionnaire(
 def find_missing(
     questionnaire: Questionnaire, took_part: Iterable[tuple[str, int]], people: Iterable[Participant]
 ) -> list[Diagnostic]:
-    """Warn of participants who took part and have no row (at their line of participants.csv), and of rows of
+    """Warn of participants who took part and have no row, at their line of participants.csv. Also warn of rows of
     participants who did not take part, which no export contains.
 
     :param questionnaire: the questionnaire.

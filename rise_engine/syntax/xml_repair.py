@@ -1,8 +1,8 @@
 """Finds the most common errors in hand-written XML and repairs them in memory, so that the rest can be checked.
 
-These are a raw `<` or `&` in a condition or a text, a double quotation mark inside a value in double quotation marks,
-and a special blank (from a word processor or a web page) between parts of a tag. Each gets its own diagnostic with the
-corrected text.
+These are a raw `<` or `&` in a condition or a text, and a double quotation mark inside a value in double quotation
+marks. Another one is a special blank from a word processor or a web page between parts of a tag. Each gets its own
+diagnostic with the corrected text.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ The messages and topics are those of the session's node (`rise_adapters.ros2.rec
 to any listener of a session. Every part of the file has a checksum, so that readers find a changed byte
 (https://mcap.dev/spec).
 
-Times in the file begin with the wall clock at the session's start and continue with session time, plus the gaps between
-the parts of a recovered session. At levels without times of day they begin in 1970.
+Times in the file are the wall clock at the session's start plus session time and the gaps of a recovered session. At
+levels without times of day they begin in 1970.
 
 `metadata.yaml` has version 9, as in ROS 2 Jazzy and later
 (https://github.com/ros2/rosbag2/blob/jazzy/rosbag2_storage/src/rosbag2_storage/yaml.hpp).

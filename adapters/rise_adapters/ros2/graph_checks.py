@@ -1,5 +1,7 @@
-"""Sentences about programs on the ROS graph that do not fit together, for `rise-engine doctor` and for nodes that
-listen to others (`compatibility` covers the actions of a robot)."""
+"""Finds programs on the ROS graph that do not fit together, for `rise-engine doctor` and listening nodes.
+
+`compatibility` checks the actions of a robot.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Converts the starts of a block's behaviours to what an act's actions wait for.
 
-An action begins when everything that it waits for has ended, and its duration is its own. So a time can be kept exactly
-if it is the block's start, the end of behaviours, or the start of another behaviour, plus a number of seconds. All
-other times are refused with the reason (docs/reference/bml.md).
+An action begins when all awaited actions have ended, and its duration is its own. So the block's start, the end of
+behaviours and the start of another behaviour can be kept exactly, also plus a number of seconds. All other times are
+refused with the reason (docs/reference/bml.md).
 """
 
 from __future__ import annotations

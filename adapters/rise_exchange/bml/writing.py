@@ -1,8 +1,8 @@
 """Converts an act to a block of BML 1.0. The core has everything that other programs understand; our own parts have the
 rest.
 
-Parts that BML cannot express are in a `<description>` of our own type within the behaviour (a program that does not
-know the type uses the core), or in an element of our namespace. To find the actions that need one, the block is read
+Parts that BML cannot express are in an element of our namespace, or in a `<description>` of our own type within the
+behaviour. Programs that do not know the type use the core. To find the actions that need such a part, the block is read
 again: actions that come back unchanged need none. Acts made from BML are written as files of a scenario.
 """
 

@@ -1,7 +1,7 @@
 """Parses scripts in a chart: the part of ECMAScript that our conditions can express.
 
-Two cases differ: a text that is certainly not ECMAScript (`return` as an expression), for which the standard defines
-the effect (SCXML 5.9), and one that cannot be expressed here, which is refused.
+Two cases differ. The standard defines the effect of a text that is certainly not ECMAScript, such as `return` as an
+expression (SCXML 5.9). A text that cannot be expressed here is refused.
 """
 
 from __future__ import annotations

@@ -81,9 +81,9 @@ def started_text(started: str, write: Callable[[datetime], str]) -> str:
 class ExportFormat(Struct, frozen=True):
     """One export format.
 
-    `write` gets a path that does not exist yet (for a file, or for a folder that it makes), the sessions one after the
-    other, and the context. It must not keep sessions, because a study may have hundreds. With `file-per-session`, it is
-    called once for each session. It raises ExportError or OSError.
+    `write` gets the path of a new file or folder, the sessions one after the other, and the context. It must not keep
+    sessions, because a study may have hundreds. With `file-per-session`, it is called once for each session. It raises
+    ExportError or OSError.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """The sound of a mark: a tone that sweeps between 1 and 4 kHz within half a second, fading in and out.
 
 Odd marks sweep up and even marks down, so that they differ. A sweep that fades (a Hann window) can be located far more
-exactly than a beep or a clap, even under speech, with a cheap microphone or lossy compression.
+exactly than a beep or a clap. This holds even under speech, with a cheap microphone or lossy compression.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Facts about a recording and its sound, from ffmpeg and ffprobe, or without them as far as Python can read it.
 
-It finds marks in a file's sound by cross-correlation with the sweeps, in blocks, so that a file of two hours takes no
-more memory than one of a minute. It needs numpy (extra `sync`).
+It finds marks in a file's sound by cross-correlation with the sweeps. It works in blocks, so a file of two hours takes
+no more memory than one of a minute. It needs numpy (extra `sync`).
 
 The last half second of sound, from 0.8 to 4.2 kHz, is compared with a sweep. The result is a correlation coefficient
 between 0 and 1, independent of the loudness. A mark as loud as the noise gets 0.7, one with a tenth of its power 0.3,

@@ -1,8 +1,8 @@
 """Checks whether the memory keys of a scenario can exist, including the engine's own values under `session`.
 
-Dotted keys are followed into the start values. A key can exist if it is in the start values, or if a rule or a key of
-the keyboard sets it, a part of the path to it, or a part of its value. A start value that nothing sets never changes,
-so a path that ends early there never exists. A null is a value that will be set later: any path may continue after it.
+Dotted keys are followed into the start values. A key can exist if it is in the start values. It can also exist if a
+rule or a key of the keyboard sets it, a parent or a part of it. A start value that nothing sets never changes, so a
+path that ends early there never exists. A null is a value that will be set later: any path may continue after it.
 
 Parts that a scenario reads (`items[i].text`) must exist, too; tables must be used and cannot be changed. Only provable
 mistakes are errors: a missing column of a table, a row or an entry after the last. An index that a session computes may

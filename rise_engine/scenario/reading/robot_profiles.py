@@ -69,8 +69,8 @@ def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfi
 
 
 def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocation:
-    """The place of a robot's key such as `actions.Wave.carrier.goal`, or of its nearest parent, in its profile or in
-    the scenario.toml (from `files`) that may change the profile."""
+    """The place of a robot's key such as `actions.Wave.carrier.goal`, or of its nearest parent. It is in the profile,
+    or in the scenario.toml (from `files`) that may change the profile."""
     best, location = -1, SourceLocation(name)
     for path in (find_profile(name, files.folder, files.tree), files.folder / SCENARIO_FILE):
         source = files.read(path, MAX_TOML_BYTES) if path is not None and files.tree.is_file(path) else None

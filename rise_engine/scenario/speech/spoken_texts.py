@@ -1,8 +1,8 @@
 """All texts of a scenario that people hear or read, in its acts and its tables.
 
-The id of an act's text in translations and tables is `ACT/ID`, followed by the number of the wording if there are
-several (`R_Praise/2/3`) and by the parameter unless it is `message` (`R_Sing/1/words`). A column of a table is
-translated if it has a translation (`text.de` beside `text`), or if a text of an act names it: `{items[i].text}`
+The id of an act's text in translations and tables is `ACT/ID`. The number of the wording follows if there are several
+(`R_Praise/2/3`), then the parameter unless it is `message` (`R_Sing/1/words`). A column of a table is translated if it
+has a translation (`text.de` beside `text`), or if a text of an act names it: `{items[i].text}`
 (docs/reference/languages.md).
 """
 

@@ -93,8 +93,8 @@ def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
 def _check_shared(
     name: str, mappings: Mapping[str, ActionMapping], specs: Mapping[str, ActionSpec], mistakes: ProfileMistakes
 ) -> None:
-    """Check that actions with the same route request the same quality of service, because they share a subscription or
-    publisher, and the same reset, because only the last message on a topic is taken back. `name`: the last action."""
+    """Check that actions with the same route request the same quality of service and the same reset. They share a
+    subscription or publisher, and only the last message on a topic is taken back. `name`: the last action."""
     mapping = mappings[name]
     for other, before in mappings.items():
         if other == name or before.route != mapping.route:

@@ -1,8 +1,7 @@
 """The one ending of an action at a server, with its reason, for everything that can arrive.
 
-A reason begins with a word that programs can search for (docs/explanation/ros2.md, "Nothing is lost on the way to the
-robot"), and continues with a sentence for the people who run the study. Only `ResultQuery` and `Cancellation` have a
-state.
+A reason begins with a word for programs (docs/explanation/ros2.md, "Nothing is lost on the way to the robot"). A
+sentence for the people who run the study follows. Only `ResultQuery` and `Cancellation` have a state.
 """
 
 from __future__ import annotations
