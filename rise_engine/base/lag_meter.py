@@ -1,4 +1,4 @@
-"""The delay of an asyncio loop, which shows whether it is blocked."""
+"""Measures the delay of an asyncio loop, which shows whether it is blocked."""
 
 from __future__ import annotations
 

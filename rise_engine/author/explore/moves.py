@@ -70,7 +70,7 @@ MISHAPS: frozenset[MoveKind] = frozenset({"stop", "lost"})
 
 
 class Move(NamedTuple):
-    """One event."""
+    """One possible next step."""
 
     kind: MoveKind
     name: str = ""

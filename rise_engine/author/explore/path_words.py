@@ -239,7 +239,7 @@ def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
 
 
 def move_text(scenario: Scenario, move: Move, before: Followed, step: Followed) -> str:
-    """Describe the event of a step."""
+    """Describe the move of a step."""
     match move.kind:
         case "key":
             key = scenario.keys[move.name]

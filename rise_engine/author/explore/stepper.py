@@ -306,7 +306,7 @@ class Stepper:
             facts.append(("out of step", rule, record.previous, act))
 
     def _compare_failure(self, before: Situation, step: FollowedMove, succeeded: dict[int, Situation]) -> FollowedMove:
-        """Compare whether this act's success or failure makes a difference, if a rule has started it."""
+        """Check whether success and failure of this act have different effects, if a rule has started it."""
         index, how = step.move.place, step.move.how
         act = before.running[index]
         if act.source == PERSON:

@@ -36,7 +36,7 @@ _WELL = ("succeeded", "accepted")
 
 
 class HappenedLine(Struct, frozen=True):
-    """One event, in a sentence without a full stop."""
+    """One line of the history: a sentence without a full stop."""
 
     t: float
     """Session time in seconds."""
