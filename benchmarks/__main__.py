@@ -1,4 +1,4 @@
-"""Runs all benchmarks: `./dev bench`, or `./dev bench kernel_events guards`. Exit 1 when a target is missed."""
+"""Runs all benchmarks: `./dev bench`, or `./dev bench kernel_events guards`. Exit status 1: a target was missed."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""A command over the session's socket until its acknowledgement, beside an echo over such a socket plus one fdatasync.
+"""A command over the session's socket until its acknowledgement, compared with an echo plus one fdatasync.
 
-The same blocking client measures everything; the other side of each socket is a process of its own. Ours comes back
-when the input is on the disk, and brings the records that it caused. The floor is the sum of two medians: an echo on
-asyncio, which the engine runs on as well, and a write with fdatasync. All of them come a millisecond
-apart, more often than any wizard's or program's; one right after the other is shown for information, and so is an echo
-whose loop stands still while it synchronises: no session could be served that way, and it saves the change between
-threads, which costs as much as the disk where the disk is quick.
+The same blocking client measures both; the other side of each socket is a separate process. A command returns when the
+input is on the disk, with the records that it caused. The floor is the sum of two medians: an echo on asyncio, which
+the engine also uses, and a write with fdatasync. The commands are a millisecond apart, more frequent than those of
+wizards and programs. Two further rows are for information: back-to-back commands, and an echo whose loop blocks while
+it synchronises. No session could work like that. It saves the switch between threads, which takes as long as a fast
+disk.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ asyncio.run(main())
 
 
 def echo(folder: Path, *, sync: bool) -> tuple[Callable[[], float], subprocess.Popen[str], Callable[[], float]]:
-    """An echo's round trip, its process, and a write with fdatasync of its own after each."""
+    """The round trip of an echo, its process, and a write with fdatasync after each."""
     path, file = folder / f"echo-{sync}.sock", folder / f"echo-{sync}"
     command = [sys.executable, "-c", ECHO, str(path), *([str(file)] if sync else [])]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -128,7 +128,7 @@ def _command(number: int) -> messages.SendMessage:
 
 
 def main() -> bool:
-    # Beside the repository and not in /tmp, which may be no disk.
+    # in the repository and not in /tmp, which may not be a disk
     with tempfile.TemporaryDirectory(prefix=".bench-", dir=Path(__file__).parents[1]) as name:
         folder = Path(name)
         bare, echoing, write = echo(folder, sync=False)

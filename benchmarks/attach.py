@@ -1,7 +1,7 @@
-"""Attaching to a session of 100,000 records: wall time until a client has its state, against the wanted second.
+"""Attaching to a session of 100,000 records: wall time until a client has its state. The target is a second.
 
-The floor is what no way of attaching can do without: encoding the state once and decoding it once, in the same run. The
-engine is a process of its own, as it is for a console; the client's time is measured, its scenario loaded included.
+The floor is the minimum of any method: encoding the state once and decoding it once, in the same run. The engine is a
+separate process, as for a console. The client's time is measured, including the loading of its scenario.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Stops of an honest wizard while a hundred bad clients flood the session, babble, stall and vanish.
+"""Stops of a wizard while a hundred bad clients flood the session, send nonsense, stall and vanish.
 
-Engine, bad clients and wizard are processes of their own. The floor is the same stop with nobody else attached. A
-process that does nothing but look at the clock says how late the machine makes anybody, beside the engine's loop.
+Engine, bad clients and wizard are separate processes. The floor is the same stop without other clients. A process that
+only reads the clock measures the delays of the machine, in addition to those of the engine's loop.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def line(process: subprocess.Popen[str]) -> str:
 
 
 async def stop(wizard: Follower) -> list[float]:
-    """Seconds that each stop took. Who is cut off attaches again, and that counts too."""
+    """Seconds of each stop. A client that is cut off attaches again, which counts, too."""
     took = []
     for _ in range(STOPS):
         asked, accepted = time.monotonic(), False
@@ -68,7 +68,7 @@ async def stop(wizard: Follower) -> list[float]:
 
 
 async def measure(root: str) -> tuple[list[float], list[float], float, float]:
-    """Seconds of stops alone and in the flood, and by how many seconds the engine's loop and the machine were late."""
+    """Seconds of stops alone and in the flood, and the delays of the engine's loop and of the machine in seconds."""
     engine = start("-m", "tests.run.server.engine_process", root)
     path = line(engine)
     wizard = await Follower(SocketClient(Path(path), "anna")).attach()
@@ -95,7 +95,7 @@ def main() -> bool:
             del os.environ["RISE_RUNTIME"]
         else:
             os.environ["RISE_RUNTIME"] = before
-    # The best round: what it shows can be done, and other programs on the machine only make it worse.
+    # the best round shows what is possible; other programs only make it worse
     alone, flooded, engine, machine = min(rounds, key=lambda each: each[2] / (each[3] + 0.05))
     report = Report("Stops beside a hundred bad clients", "wall time")
     for kind, values in (("stop, nobody else attached", alone), ("stop, in the flood", flooded)):

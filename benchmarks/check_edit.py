@@ -1,5 +1,5 @@
-"""Checking a study after an edit of one file, as an editor does with each key: LabLinking, and twenty of it in one
-(700 acts, 980 states). Against the least that any checker must do: parse that file, and look at the bytes of all."""
+"""Checking a study after an edit of one file, like an editor after each key: LabLinking, and twenty copies of it in one
+(700 acts, 980 states). The floor of any checker: parse that file, and read the bytes of all."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def study() -> dict[str, bytes]:
 
 
 def many(files: dict[str, bytes], copies: int) -> dict[str, bytes]:
-    """Its acts and rules so many times, each time under other names."""
+    """Many copies of its acts and rules, each under other names."""
     scenario = load(STUDY).scenario
     assert scenario is not None
     names = sorted((*scenario.acts, *scenario.rules), key=len, reverse=True)
@@ -44,7 +44,7 @@ def many(files: dict[str, bytes], copies: int) -> dict[str, bytes]:
 
 
 def edits(held: dict[str, bytes], part: str) -> tuple[Callable[[], None], Callable[[], None]]:
-    """A check after an edit of the file, each time another one; and the floor."""
+    """Seconds of a check after an edit of the file, each time another one; and the floor."""
     name = next(each for each in held if each.startswith(part))
     checker = ScenarioChecker("/nowhere")
     assert checker.check(held).diagnostics == [], checker.check(held).diagnostics[:3]

@@ -1,4 +1,4 @@
-"""`rise-engine check` of LabLinking, as a whole process, beside a Python that only imports the two libraries."""
+"""`rise-engine check` of LabLinking as a whole process, compared with a Python that only imports the two libraries."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROUNDS = 15
 
 
 def main() -> bool:
-    # As installed: compiled. In a checkout where Python may not write compiled files this would measure the compiler.
+    # Compiled, as installed. In a checkout where Python may not write compiled files this would measure the compiler.
     compileall.compile_dir(Path(rise_engine.__file__).parent, quiet=1)
     commands = {
         "rise-engine check": [str(Path(sys.executable).parent / "rise-engine"), "check", str(SCENARIO)],

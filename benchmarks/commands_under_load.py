@@ -1,9 +1,9 @@
-"""Commands over the socket while a session makes 1,000 records a second: until they are durable, and until a stop has
-reached the robot.
+"""Commands over the socket while a session makes 1,000 records a second: until they are durable, and until a stop
+reaches the robot.
 
-The engine is a process of its own with a journal; the client, a wizard's, is another. A command's time runs from the
-write to the socket until its reply has come back, which is after its records are on the disk. A stop's runs until the
-robot's adapter is told: that waits for no disk. The floor is a write with fdatasync of its own, in the same run.
+The engine is a separate process with a journal; the wizard's client is another. A command's time is measured from the
+write to the socket to its reply, which comes after its records are on the disk. A stop's time ends when the robot's
+adapter gets it, without waiting for the disk. The floor is a write with fdatasync in the same run.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PAUSE = 0.01
 
 
 async def serve(folder: Path) -> None:
-    """The engine's process: makes records until its input ends, then prints when stops came to the robot."""
+    """The engine's process: makes records until its input ends, then prints when stops reached the robot."""
     loop = asyncio.get_running_loop()
     loaded = load(str(ROOT / "scenarios" / "lablinking"))
     scenario = loaded.scenario
@@ -86,7 +86,7 @@ async def serve(folder: Path) -> None:
 
 
 class Wizard:
-    """A blocking client. A hundred records a time come with each reply; they are not looked at."""
+    """A blocking client. Each reply comes with a hundred records, which it ignores."""
 
     def __init__(self, path: str) -> None:
         self._connection = socket.socket(socket.AF_UNIX)
@@ -104,7 +104,7 @@ class Wizard:
             data = data[-len(mark) :] + more
 
     def send(self, function: str, behavior: str = "") -> tuple[float, float]:
-        """When it was sent, and when the reply had come."""
+        """The times of sending and of the reply."""
         self._number += 1
         submit = Submit(function=function, behavior=behavior)  # type: ignore[arg-type]
         line = messages.encode_line(messages.SendMessage(self._number, submit))
@@ -114,7 +114,7 @@ class Wizard:
         return sent, time.monotonic()
 
     def rest(self, seconds: float) -> None:
-        """Read, so that nothing waits, for so long."""
+        """Read for so long, so that nothing waits."""
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._connection.settimeout(left)
@@ -124,7 +124,7 @@ class Wizard:
 
 
 def synchronise(folder: Path) -> list[float]:
-    """Seconds that a write with fdatasync takes, in another file on the same disk."""
+    """Seconds of a write with fdatasync, in another file on the same disk."""
     file = os.open(folder / "floor", os.O_WRONLY | os.O_CREAT)
     took = []
     for _ in range(200):
@@ -137,7 +137,7 @@ def synchronise(folder: Path) -> list[float]:
 
 
 def measure(root: str, disk: Path) -> tuple[list[float], list[float], float]:
-    """Seconds of commands and of stops, and the records a second that came meanwhile."""
+    """Seconds of commands and of stops, and the records per second meanwhile."""
     environment = {**os.environ, "RISE_RUNTIME": f"{root}/run"}
     command = [sys.executable, __file__, "serve", str(disk)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as engine:
@@ -165,7 +165,7 @@ def percentile(values: list[float], part: float) -> float:
 
 def main() -> bool:
     root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    # Beside the repository and not in /tmp, which may be no disk.
+    # in the repository and not in /tmp, which may not be a disk
     with tempfile.TemporaryDirectory(prefix=".bench-", dir=ROOT) as name:
         disk = Path(name)
         try:

@@ -1,7 +1,7 @@
-"""What a moved cursor and a change of focus cost on the wire, at 120x40: bytes that a terminal gets, nothing else.
+"""The bytes of a moved cursor and of a change of focus on the wire, at 120x40.
 
-The session stands still, so that every byte has its cause. Beside it, for information: another pane that comes to the
-front, a dialog, and the whole screen painted anew, which is what each of them would cost if all cells were written.
+The session is idle, so each byte has a known cause. For information, it also measures another pane in front, a dialog,
+and a repaint of the whole screen, which is the cost of writing all cells.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from measure import Report
 ROOT = Path(__file__).parents[1]
 ROUNDS = 6
 CURSOR, FOCUS = 500, 2000
-"""Bytes at most, in the median."""
+"""Maximum bytes, in the median."""
 STILL = 0.4
 """Seconds without a byte after which the screen counts as painted."""
 F2, TAB, DOWN, UP, ESCAPE = b"\x1bOQ", b"\t", b"\x1b[B", b"\x1b[A", b"\x1b"
@@ -38,7 +38,7 @@ with scripted(sys.argv[1], speed=0.0):
 
 
 def cost(console: Pty, keys: bytes) -> int:
-    """Bytes that come after these keys until nothing comes any more."""
+    """Bytes that follow these keys until the screen is painted."""
     while console.read(STILL):
         pass
     before = console.count

@@ -1,7 +1,7 @@
 """A day's use of the console: 10,000 focus changes and 100,000 records, and the memory of its process before and after.
 
-The records are about what is there already (values that change, a rule that stays where it is), so that what grows is
-what leaks; the log of tasks grows by design. A console on a pseudo terminal, a served session in a process of its own.
+The records change existing values and states, so growth is a leak; only the log of tasks grows by design. The console
+runs on a pseudo terminal, the served session in a separate process.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from measure import Report
 ROOT = Path(__file__).parents[1]
 FOCUS_CHANGES, RECORDS, PARTS = 10_000, 100_000, 5
 GROWN = 3.0
-"""MB that memory may grow in the second half of the day: the allocator's own ups and downs."""
+"""Maximum growth of memory in MB in the second half of the day, which includes the allocator's variation."""
 
 ENGINE = """
 import sys
@@ -48,7 +48,7 @@ def resident(pid: int) -> float:
 
 
 def main(scale: float = 0.1) -> bool:
-    """`scale`: of a day. All of it takes ten minutes."""
+    """`scale`: the fraction of a day. A whole one takes ten minutes."""
     root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
     Path(root, "run").mkdir(0o700)
     environment = environment_in(root)

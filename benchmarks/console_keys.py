@@ -1,13 +1,13 @@
-"""From a key to its durable command, while 1,000 records a second pour into the console's screen.
+"""From a key to its durable command, while the console shows 1,000 records a second.
 
-A console on a pseudo terminal, an engine with a journal in a process of its own (`engine_under_load`); the time runs
-from the write of the key until the command is on the disk, and is told for its way to the engine as well. The floor is
-the least that any program could need: one that reads a key from a terminal and writes a line to a socket, read by the
-same engine's process, in the same run.
+The console runs on a pseudo terminal, an engine with a journal in a separate process (`engine_under_load`). The time is
+measured from the write of the key until the command is on the disk, and also until it reaches the engine. The floor is
+the minimum of any program: one that reads a key from a terminal and writes a line to a socket, which the same process
+of the engine reads, in the same run.
 
-On a virtual machine a processor now and then stands still for 1 to 100 ms, for whoever runs on it. A watcher on each
-sees that (it comes before everything else and wakes twice in a millisecond), and keys that were on their way meanwhile
-do not count, neither ours nor those of the floor; how many is told.
+On a virtual machine, a processor sometimes stands still for 1 to 100 ms. A watcher on each processor detects this: it
+has the highest priority and wakes twice a millisecond. Keys during such a stall do not count, neither ours nor those of
+the floor; their number is reported.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from measure import Report
 ROOT = Path(__file__).parents[1]
 KEYS = "abcdehij"
 QUIET, PRESSES = 100, 400
-"""Keys, while nothing else happens and while records pour in."""
+"""Keys without other activity, and while records pour in."""
 MEDIAN, SLOWEST = 5.0, 30.0
-"""Milliseconds that half of the keys, and 99 of 100, may take: a wizard reacts in 200."""
+"""Maximum milliseconds of half of the keys, and of 99 of 100: a wizard reacts in 200."""
 GAP = 0.35
-"""Seconds between two keys, longer than what counts as a paste silences the keyboard."""
+"""Seconds between two keys, longer than the time for which a paste silences the keyboard."""
 
 BARE = """
 import os, socket, sys, tty
@@ -67,11 +67,11 @@ while os.getppid() == int(sys.argv[2]):
     last = now
 """
 STALL = 0.0015
-"""Seconds between two looks of a watcher that wakes every half a millisecond, from which on it counts as a stall."""
+"""Seconds between two wake-ups of a watcher above which they count as a stall; it wakes every half a millisecond."""
 
 
 class Stalls:
-    """When the machine itself stood still."""
+    """The times at which the machine itself stood still."""
 
     def __init__(self, folder: str) -> None:
         self._told = [Path(folder, f"stalls-{cpu}") for cpu in sorted(os.sched_getaffinity(0))]
@@ -88,7 +88,7 @@ class Stalls:
                 raise SystemExit("nobody watches whether the machine stands still")
 
     def end(self) -> list[tuple[float, float]]:
-        """From and to, on the monotonic clock."""
+        """Return the starts and ends, on the monotonic clock."""
         for watcher in self._watchers:
             watcher.kill()
             watcher.communicate()
@@ -97,14 +97,14 @@ class Stalls:
 
 
 def scenario(folder: Path) -> None:
-    """The long study's, with keys that raise events: those are always taken."""
+    """The long study's scenario, with keys that raise events, which are always accepted."""
     shutil.copytree(ROOT / "scenarios" / "lablinking", folder)
     keys = "\n".join(f'{key} = {{ event = "/press_{key}" }}' for key in KEYS)
     (folder / "scenario.toml").write_text(f'title = "Keys"\nrobot = "pepper"\nmode = "debug"\n[keys]\n{keys}\n')
 
 
 def press(terminal: Pty, others: list[Pty], presses: int) -> list[tuple[float, str]]:
-    """Type, one key after the other, at one terminal after the other, and read what is painted meanwhile."""
+    """Type one key after the other, on each terminal in turn, and read what is painted meanwhile."""
     chance = random.Random(1)
     written = []
     every = (terminal, *others)
@@ -122,7 +122,7 @@ def press(terminal: Pty, others: list[Pty], presses: int) -> list[tuple[float, s
 
 
 class Measured(NamedTuple):
-    """Seconds that keys took."""
+    """Seconds of keys."""
 
     keys: list[float]
     """Until the command was durable."""
@@ -131,7 +131,7 @@ class Measured(NamedTuple):
     floor: list[float]
     """Through the bare program."""
     every: list[float]
-    """As `keys`, with those during which the machine stood still."""
+    """Like `keys`, with those during a stall of the machine."""
     rate: float
     """Records a second."""
     painted: int
@@ -139,9 +139,9 @@ class Measured(NamedTuple):
 
 
 def measure(rate: float, presses: int) -> Measured:
-    """Press so many keys while records pour in."""
+    """Press this many keys while records pour in."""
     root = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    disk = tempfile.mkdtemp(prefix=".bench-", dir=ROOT)  # /tmp may be no disk
+    disk = tempfile.mkdtemp(prefix=".bench-", dir=ROOT)  # /tmp may not be a disk
     environment = environment_in(root)
     scenario(Path(root, "scenario"))
     engine = subprocess.Popen(
@@ -184,7 +184,7 @@ def measure(rate: float, presses: int) -> Measured:
             came.append((pressed, command[1]))
             keys.append((pressed, command[2]))
             command = next(noted, None)
-    if len(keys) < len(ours):  # two of them came in one read, as a paste does: this machine is too busy
+    if len(keys) < len(ours):  # two of them came in one read, like a paste: this machine is too busy
         print(
             f"  {len(ours) - len(keys)} of {len(ours)} keys came together with others and did nothing, as they should"
         )
@@ -195,7 +195,7 @@ def measure(rate: float, presses: int) -> Measured:
 
 
 def undisturbed(ways: list[tuple[float, float]], stood: list[tuple[float, float]]) -> list[float]:
-    """Seconds of those during which the machine went on."""
+    """The seconds of keys without a stall."""
     return [end - start for start, end in ways if not any(start < until and end > since for since, until in stood)]
 
 

@@ -1,4 +1,4 @@
-"""A program on a pseudo terminal that answers what terminals answer, for the benchmarks of the console."""
+"""A program on a pseudo terminal that answers like a terminal, for the benchmarks of the console."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATIENCE = 30.0
 
 
 def environment_in(root: str) -> dict[str, str]:
-    """Of a wizard who has all files below a folder, and has seen the tour of the first run."""
+    """The environment of a wizard with all files below a folder, who has seen the tour of the first run."""
     own = {"RISE_RUNTIME": "run", "RISE_SESSIONS": "sessions", "XDG_STATE_HOME": "state", "XDG_CONFIG_HOME": "config"}
     kept = Path(root, "state", "rise-tui")
     kept.mkdir(0o700, parents=True)
@@ -28,7 +28,7 @@ def environment_in(root: str) -> dict[str, str]:
 
 
 class Pty:
-    """Counts what comes, and keeps the end of it."""
+    """Counts the output, and keeps the end of it."""
 
     def __init__(self, command: list[str], environment: Mapping[str, str], size: tuple[int, int] = (120, 40)) -> None:
         self.master, slave = pty.openpty()
@@ -41,7 +41,7 @@ class Pty:
         self.shown = b""
 
     def read(self, seconds: float) -> bool:
-        """Take in what comes within some seconds; False when nothing came."""
+        """Read the output for some seconds; False: there was none."""
         if not select.select([self.master], [], [], seconds)[0]:
             return False
         try:

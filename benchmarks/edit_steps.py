@@ -1,8 +1,8 @@
-"""What an author waits for: a step back and forward, a save of five files, a rule's drawing. LabLinking, and a rule of
-40 states and 120 ways, as the editor does it: with the check of all files behind each step.
+"""What an author waits for: a step back and forward, a save of five files, a rule's drawing. It uses LabLinking, and a
+rule of 40 states and 120 transitions. Each step includes the check of all files, as in the editor.
 
-Each beside its floor of the same run: parse the files that change and look at the bytes of all; write the same bytes as
-safely, one file after the other; parse the file of the rule.
+The floors in the same run: parse the changed files and read the bytes of all; write the same bytes as safely, one file
+after the other; parse the file of the rule.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ EVERYWHERE = Rename("event", "next", "go_on")
 
 
 def steps(workspace: Workspace) -> tuple[Callable[[], None], Callable[[], None]]:
-    """A step back and forward again; and the floor of both."""
+    """Seconds of a step back and forward again; and the floor of both."""
     before = workspace.files
     workspace.apply(EVERYWHERE)
     after = workspace.files
@@ -59,7 +59,7 @@ def steps(workspace: Workspace) -> tuple[Callable[[], None], Callable[[], None]]
 
 
 def saves(workspace: Workspace, folder: Path) -> tuple[Callable[[], float], Callable[[], float]]:
-    """Seconds of a save of five files, each time with other contents; and of the floor."""
+    """Seconds of a save of five files, each time with other contents; and the floor."""
     count = 0
 
     def change() -> None:
@@ -97,7 +97,7 @@ def saves(workspace: Workspace, folder: Path) -> tuple[Callable[[], float], Call
 
 
 def drawings() -> tuple[Callable[[], None], Callable[[], None]]:
-    """The drawing of 40 states and 120 ways; and the floor."""
+    """Seconds of the drawing of 40 states and 120 transitions; and the floor."""
     files = long_rule_files()
     rule = read_outline(load("/nowhere", held=files).parts).rule("Course")
     assert rule is not None
@@ -115,7 +115,7 @@ def drawings() -> tuple[Callable[[], None], Callable[[], None]]:
 
 
 def main() -> bool:
-    root = Path(tempfile.mkdtemp(prefix=".bench-", dir=ROOT))  # /tmp may be no disk
+    root = Path(tempfile.mkdtemp(prefix=".bench-", dir=ROOT))  # /tmp may not be a disk
     os.environ["XDG_STATE_HOME"] = str(root / "state")
     report = Report("What an author waits for")
     try:

@@ -1,7 +1,7 @@
-"""The editor on a terminal of 120x40, LabLinking and a rule of 40 states and 120 ways: what a key costs on the wire,
-how soon a letter is on the screen, how soon the editor is there.
+"""The editor on a terminal of 120x40, with LabLinking and a rule of 40 states and 120 transitions: the bytes of a key,
+the seconds until a letter is on the screen, and the seconds until the editor is there.
 
-Each beside its floor of the same run: a bare Textual app with one field, and one with five panes.
+The floors in the same run: a bare Textual app with one field, and one with five panes.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ sys.path.insert(0, str(ROOT))
 LETTERS, STARTS, MOVES = 60, 7, 8
 ECHO_MS, ECHO_BYTES, MOVE_BYTES = 16.0, 300, 1500
 TIMES_FIELD = 4.0
-"""Of the slowest letters, against the bare field's: both meet what else the machine does."""
+"""For the slowest letters, compared with the bare field's: both suffer from the machine's other work."""
 TIMES_BARE = 3.0
-"""The aim was 2. The bare app is Textual's import and little else (150 ms of processor time); what the editor imports
-of the engine to read a study is 90 ms, its own modules 60, the study itself 30."""
+"""The aim was 2. The bare app is Textual's import and little else (150 ms of processor time); the editor's imports of
+the engine take 90 ms, its own modules 60, the study itself 30."""
 GAP = 0.15
-"""Seconds between two letters: what one of them starts beside the loop has ended."""
+"""Seconds between two letters, after which all background work of a letter has ended."""
 
 FIELD = """
 from textual.app import App
@@ -46,7 +46,7 @@ Field().run()
 
 
 def write_long_study(folder: Path) -> None:
-    """A study whose course has 40 states and 120 ways."""
+    """Write a study whose main path has 40 states and 120 transitions."""
     from tests.tui.editor.long_rule import long_rule_files
 
     for name, data in long_rule_files().items():
@@ -56,7 +56,7 @@ def write_long_study(folder: Path) -> None:
 
 
 def press(terminal: Pty, *keys: bytes) -> None:
-    """One key after the other, each when the screen stands still."""
+    """Press one key after the other, each when the screen is painted."""
     for key in keys:
         os.write(terminal.master, key)
         while terminal.read(0.3):
@@ -120,7 +120,7 @@ def main() -> bool:
                 ("a bare app with five panes", [sys.executable, "-c", BARE], b"LIVE"),
             ):
                 seconds = until_painted(arguments, mark, dict(environment))
-                if number:  # the first fills the caches
+                if number:  # the first round fills the caches
                     starts[name].append(seconds)
     finally:
         for each in terminals:

@@ -1,8 +1,8 @@
-"""The engine of `console_keys`, a process of its own: makes records all the time, and notes when commands come.
+"""The engine of `console_keys` in a separate process: makes records all the time, and notes the times of commands.
 
-Arguments: the folder of its scenario and its sockets, the folder of its journal, records a second. It says `ready`, and
-after a line on its input what it noted, as JSON: for each of a wizard's commands the behavior, when it came and when it
-was durable, and when something came to the floor's socket; seconds on the monotonic clock.
+Arguments: the folder of its scenario and its sockets, the folder of its journal, records per second. It prints `ready`.
+After a line on its input, it prints its notes as JSON, in seconds on the monotonic clock: the behaviour of each of a
+wizard's commands with the times of its arrival and durability, and the times of input on the floor's socket.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Exploring: inputs per CPU second, beside the same inputs by way of snapshots; LabLinking with all its keys, its
-seconds and its memory."""
+"""Exploring: inputs per CPU second, compared with the same inputs via snapshots. For LabLinking with all its keys, also
+the seconds and the memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def explored(scenario: Scenario, bounds: Bounds) -> Space:
 
 
 def timed(scenario: Scenario, bounds: Bounds) -> tuple[float, Space]:
-    """CPU seconds of exploring, and what was found."""
+    """CPU seconds of exploring, and the results."""
     spaces: list[Space] = []
     return cpu_seconds(lambda: spaces.append(explored(scenario, bounds)), 1), spaces[0]
 
@@ -63,7 +63,7 @@ def by_snapshot(scenario: Scenario) -> Callable[[], None]:
 
 
 def all_keys() -> None:
-    """LabLinking with all keys, in a process of its own: its CPU seconds and megabytes, for who started it."""
+    """LabLinking with all keys, in a separate process: prints its CPU seconds and megabytes."""
     seconds, space = timed(study("lablinking"), ALL_KEYS)
     megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(seconds, megabytes, len(space.situations), space.stepper.steps)

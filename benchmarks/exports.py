@@ -1,7 +1,7 @@
 """A whole study in every export format: 200 sessions of an hour, 1,200 records each.
 
-Each format is written by the command, in a process of its own: CPU seconds, and the most memory that it had.
-Beside it the floor: a process that only reads the lines of all journals.
+The command writes each format in a separate process, whose CPU seconds and maximum memory are measured. The floor is a
+process that only reads the lines of all journals.
 """
 
 from __future__ import annotations
@@ -52,12 +52,11 @@ _, status, usage = os.wait4(child, 0)
 print("used", usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
 sys.exit(os.waitstatus_to_exitcode(status))
 """
-"""Starts a process and says how much memory it had. The system counts with that what its parent had, so this one is
-small."""
+"""Starts a process and prints its memory. The system adds the parent's memory, so this parent is small."""
 
 
 def hour(late: float) -> Script:
-    """An hour of turns, one every 145 s; `late` seconds until the wizard answers."""
+    """An hour of turns, one every 145 s. `late`: the seconds until the wizard answers."""
     script: list[tuple[float, object]] = [(1.0, task("startInteractionRule", "Visit", pressed=0.9))]
     for number in range(24):
         at = 20.0 + 145 * number
@@ -112,7 +111,7 @@ def make_study(folder: Path) -> None:
 
 
 def measured(command: Sequence[str]) -> tuple[float, float, float]:
-    """Seconds of a process that must succeed, its CPU seconds, and the megabytes that it had at most."""
+    """Seconds of a process that must succeed, its CPU seconds, and its maximum memory in MB."""
     start = time.perf_counter()
     launch = [sys.executable, "-I", "-S", "-c", _LAUNCH, *command]
     process = subprocess.run(launch, capture_output=True, text=True, check=False)

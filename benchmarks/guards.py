@@ -1,4 +1,4 @@
-"""Conditions: evaluations and parses per CPU second, beside a Python function that does the same unchecked."""
+"""Conditions: evaluations and parses per CPU second, compared with an unchecked Python function."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The journal: records made into lines and durable, beside bare lines that are written and synchronised in groups.
+"""The journal: records become durable lines, compared with bare lines that are written and synchronised in groups.
 
-Both bring the same number of lines of the same length onto the same disk, as fast as they can. The journal is measured
-from the record on: its JSON, its check sum, the hand-over to the writer's thread.
+Both write the same number of lines of the same length to the same disk, as fast as possible. The measurement of the
+journal begins with the record: its JSON, its checksum, the handover to the writer's thread.
 """
 
 from __future__ import annotations

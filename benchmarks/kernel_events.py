@@ -1,8 +1,8 @@
-"""Events per CPU second through the kernel, against the state machine libraries of the field.
+"""Events per CPU second through the kernel, compared with the usual state machine libraries.
 
 One event is the loop of the paper's listing 2: an external event, a transition, a condition on a memory value, an
-internal event raised by the state that was entered, a second transition. Every engine does the same; ours also submits
-the event as a DomainTask and writes the seven records of all that, which none of the others does.
+internal event raised by the entered state, a second transition. All engines do the same; only ours also submits the
+event as a DomainTask and writes its seven records.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ XSTATE = "5.33.3"
 
 
 def scenario(rules: int = 1, same_topic: bool = True) -> Scenario:
-    """`rules` copies of the loop; on one topic, or each on its own."""
+    """`rules` copies of the loop, on one topic or on a topic each."""
     made = {}
     topics = set()
     for n in range(rules):
@@ -177,7 +177,7 @@ console.log(JSON.stringify({ seconds: seconds[Math.floor(seconds.length / 2)], s
 
 
 def with_xstate(folder: Path) -> Callable[[], float] | None:
-    """A function that gives xstate's CPU seconds per event under node; None where node or the package cannot be had."""
+    """A function that returns xstate's CPU seconds per event with node; None: node or the package is missing."""
     if shutil.which("node") is None or shutil.which("npm") is None:
         return None
     install = ["npm", "install", "--silent", "--no-audit", "--no-fund", f"xstate@{XSTATE}"]

@@ -1,9 +1,9 @@
-"""A task log of 100,000 rows opens in 0.2 s, scrolls in 10 ms, and no filter holds a key up (console.md 9.1, 9.2).
+"""A task log of 100,000 rows opens in 0.2 s, scrolls in 10 ms, and no filter delays a key (console.md 9.1, 9.2).
 
-The console's log beside the stock widgets that people would take for it, `DataTable`, `Log` and `RichLog`, and beside
-the floor: a bare line-API view that paints nothing. All in one run, in the same app at 120x40, from the same tasks.
-Opening is from the tasks to the painted end of the log; scrolling is one page up and its painting. How long a filter
-holds the loop is CPU time too: on a busy machine, others hold it longer. The other times of a filter are by the wall.
+It compares the console's log with the usual widgets for it, `DataTable`, `Log` and `RichLog`, and with the floor: a
+bare line-API view that paints nothing. All run in the same app at 120x40, with the same tasks. Opening is measured from
+the tasks to the painted end of the log, scrolling as one page up with its painting. A filter's blocking of the loop is
+CPU time, too, because other programs block it on a busy machine. Its other times are wall time.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ COUNT = 100_000
 PAGES = 60
 ROOT = Path(__file__).parents[1]
 SLOW = 10
-"""The part of the rows, a tenth, from which those are reckoned that take half a minute; they take as long for each."""
+"""The divisor of the rows for widgets that take half a minute for all; their result is extrapolated."""
 OPEN, SCROLL, BLOCK, FIRST = 0.2, 0.010, 0.025, 0.1
 
 FUNCTIONS = (("raiseEventTopic", "/next"), ("startCommunicationRobotAct", "R_Praise"), ("assignValue", "step = 3"))
@@ -134,7 +134,7 @@ def store_of(made: dict[int, TaskView]) -> Store:
 
 
 async def measured(opener: Opener, made: dict[int, TaskView], rounds: int) -> tuple[float, float]:
-    """Seconds to open, and seconds for one page, in the median."""
+    """Median seconds to open, and for one page."""
     opens, pages = [], []
     for _ in range(rounds):
         app = Bench()
@@ -158,14 +158,14 @@ async def measured(opener: Opener, made: dict[int, TaskView], rounds: int) -> tu
 
 
 async def painted(app: App[Any]) -> None:
-    """Until everything that is asked for is laid out and rendered; only the terminal is missing."""
+    """Lay out and render everything that was requested, without a terminal."""
     done = asyncio.Event()
     app.screen.call_after_refresh(done.set)
     await done.wait()
 
 
 async def filtering(made: dict[int, TaskView], typed: str) -> tuple[float, float, float, int]:
-    """Seconds to the first row found, to the end, and the longest time in which the loop did nothing else."""
+    """Seconds to the first row found, to the end, and the maximum seconds without other work of the loop."""
     app = Bench()
     async with app.run_test(size=(120, 40)) as pilot:
         pane = LogPane(store_of(made))

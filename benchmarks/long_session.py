@@ -1,9 +1,9 @@
-"""One session of a million records: what it takes to recover it, and to export it.
+"""One session of a million records: its recovery and its export.
 
-Three hours with a hundred records a second, as one has in which nodes report what they see: values for the memory and
-events, beside turns of a wizard and a robot. Recovery reads all of that, works it out again and compares it, so its
-floor is what the kernel takes for the inputs alone; that of an export is a process that reads the lines. Each work is a
-process of its own: CPU seconds, and the most memory that it had.
+It has three hours with a hundred records a second, as with nodes that report observations: memory values and events,
+between turns of a wizard and a robot. Recovery reads all records, computes them again and compares them, so its floor
+is the kernel's time for the inputs alone. The floor of an export is a process that reads the lines. Each runs in a
+separate process, whose CPU seconds and maximum memory are measured.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from tests.results.analysis.samples import act, play_session, task, write_scenar
 RECORDS = 1_000_000
 ROUND_S = 10.0
 ROUND_RECORDS = 950
-"""About so many in a round."""
+"""Approximate number in a round."""
 NODE = "ros:/seer"
 RECOVERY_S = 15.0
-"""CPU seconds. They depend on the machine, so a slow one may miss them while the ratio below still holds."""
+"""CPU seconds. A slow machine may miss them although the ratio below holds."""
 TIMES_KERNEL = 6.0
-"""Recovery may take so many times what the kernel takes."""
+"""Maximum ratio of the recovery's time to the kernel's."""
 RECOVERY_MB, EXPORT_MB = 150.0, 300.0
 FORMATS = ("jsonl", "tables", "eaf")
 _READ = "import sys; from pathlib import Path\nfolder = Path(sys.argv[1])\n"
@@ -66,7 +66,7 @@ WATCH = """  <InteractionRule name="Watch" initial="Idle">
 
 
 def play_long(folder: Path, records: int = RECORDS) -> Path:
-    """The folder of a session of so many records whose engine has gone."""
+    """The folder of a session of this many records whose engine has gone."""
     scenario = write_scenario(folder / "scenario")
     rules = scenario / "rules" / "all.xml"
     rules.write_text(rules.read_text("utf-8").replace("</InteractionRules>", WATCH), "utf-8")
@@ -92,7 +92,7 @@ def play_long(folder: Path, records: int = RECORDS) -> Path:
 
 
 def kernel_seconds(session: Path) -> float:
-    """CPU seconds of a fresh kernel for all inputs, in a process of its own."""
+    """CPU seconds of a fresh kernel for all inputs, in a separate process."""
     done = subprocess.run([sys.executable, "-c", _FLOOR, str(session)], capture_output=True, text=True, check=True)
     return float(done.stdout)
 

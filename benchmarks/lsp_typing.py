@@ -1,6 +1,6 @@
-"""From a key in an editor to its findings: `rise-engine lsp` as a process, a file of rules of LabLinking, one character
-at a time. Seconds on the clock, of both processes and the pipe between them. And the outline of a large file, beside
-that of an eighth of it."""
+"""From a key in an editor to its diagnostics: `rise-engine lsp` as a process, with a file of rules of LabLinking, one
+character at a time. Wall seconds of both processes and their pipe. Also the outline of a large file, compared with that
+of an eighth of it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = 200
 
 
 async def typed() -> list[float]:
-    """Seconds from each key to the findings that follow it."""
+    """Seconds from each key to its diagnostics."""
     client = LanguageClient("benchmark", "1")
     said = asyncio.Event()
 
@@ -57,7 +57,7 @@ async def typed() -> list[float]:
 
 
 def outline_seconds(folder: Path, rules: int) -> tuple[float, int]:
-    """CPU seconds for the symbols of a file with so many rules on one line, and its bytes."""
+    """CPU seconds for the symbols of a file with this many rules on one line, and its bytes."""
     name = "rules/all.xml"
     rule = '<InteractionRule name="R{0}" initial="A"><State id="A"><transition eventTopic="/{0} ü" target="B"/></State>'
     text = "".join(f'{rule.format(number)}<State id="B"/></InteractionRule>' for number in range(rules))
@@ -67,7 +67,7 @@ def outline_seconds(folder: Path, rules: int) -> tuple[float, int]:
     server, study = make_server(), ServedStudy(folder)
     server.protocol._workspace = Workspace(None)
     source = study.source(name)
-    assert source is not None and study.state  # what is read once
+    assert source is not None and study.state  # read once
     seconds = cpu_seconds(lambda: file_symbols(server, study, name, source), 1)
     return seconds, len(source.data)
 

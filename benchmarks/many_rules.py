@@ -1,7 +1,7 @@
-"""Does an event cost more when a thousand rules run? And what does a running rule weigh?
+"""The cost of an event and the memory of a running rule, with a thousand running rules.
 
-Routing must not: that is the row in which 999 others wait. When all take events in turn, it shows as well that the
-processor's caches hold one rule and not a thousand.
+Routing must not cost more: this is the row with 999 waiting rules. If all rules take events in turn, the row also shows
+that the processor's caches contain one rule and not a thousand.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RULES = 1_000
 
 
 def held(rules: int) -> Callable[[], None]:
-    """A run of changes of one key, of which one rule asks whether it has held, while `rules` wait for their own."""
+    """Changes of one key, for which one rule checks a held condition, while `rules` others wait for their own."""
     made = {}
     for n in range(rules):
         way = Transition(after=Delay("8s", 8.0), held=Expression.parse(f"quiet_{n}"), target="Prompt")
@@ -47,7 +47,7 @@ def held(rules: int) -> Callable[[], None]:
 
 
 def kib_per_running_rule() -> float:
-    """Memory that starting one more rule takes, the scenario itself and its compiled form not counted."""
+    """The memory of starting one more rule, without the scenario and its compiled form."""
     kernel = Kernel(scenario(RULES, same_topic=False), 1)
     kernel.handle(SessionStarted())
     gc.collect()

@@ -1,5 +1,5 @@
-"""Finding the marks in an hour of a room's sound: `rise-engine media add --find-marks` as a whole process, beside
-ffmpeg alone, which only decodes that sound. The memory must not grow with the file."""
+"""Finding the marks in an hour of a room's sound: `rise-engine media add --find-marks` as a whole process. The floor is
+ffmpeg, which only decodes that sound. The memory must not grow with the file."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _make_session(folder: Path, seconds: float) -> Path:
 
 
 def _measure(command: list[str]) -> tuple[float, float]:
-    """Seconds that a program takes, and its most memory in MB."""
+    """Seconds of a program, and its maximum memory in MB."""
     begun = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)

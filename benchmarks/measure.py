@@ -1,4 +1,4 @@
-"""Tools of the benchmarks: interleaved rounds, CPU seconds, medians. A figure is always beside its peer or floor."""
+"""Tools of the benchmarks: interleaved rounds, CPU seconds, medians. Every figure is compared with a peer or floor."""
 
 from __future__ import annotations
 

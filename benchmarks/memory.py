@@ -1,10 +1,11 @@
-"""What a session that runs for twenty minutes with a robot keeps in memory, beside what its records take.
+"""The memory of a session that runs for twenty minutes with a robot, compared with that of its records.
 
 A wizard starts ten acts a second over ROS 2. The engine keeps the session's state for consoles that attach, so its
-memory grows with its records. The floor is that alone: a process that folds the same records into a `SessionView`. Both
-are compared over the second half, because the first one fills caches. More than the floor would be a leak.
+memory grows with its records. The floor is this growth alone: a process that folds the same records into a
+`SessionView`. Both are compared over the second half, because the first one fills caches. A larger growth would be a
+leak.
 
-`RISE_BENCH_MINUTES` makes it shorter or longer.
+`RISE_BENCH_MINUTES` sets another duration.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ from rise_engine.session.journal_reader import read_journal
 MINUTES = float(os.environ.get("RISE_BENCH_MINUTES", "20"))
 PER_SECOND = 10
 TIMES_FLOOR = 1.5
-"""A record may take so many times what it takes in a bare view: the kernel keeps state of its own."""
+"""Maximum ratio of a record's memory to that in a bare view: the kernel keeps state of its own."""
 LEAST_KB = 2048.0
-"""Kilobytes of growth below which nothing is a leak: an allocator takes memory in pieces."""
+"""Growth in kB below which nothing counts as a leak: an allocator takes memory in pieces."""
 
 
 def kilobytes(pid: int | str = "self") -> int:
-    """The memory that a process has."""
+    """The memory of a process."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
 
 
 def growth_of_view(journal: Path, half: int) -> int:
-    """Kilobytes that a bare view grows by with the records after the first `half` of them."""
+    """The growth of a bare view in kB by the records after the first `half` of them."""
     view, before = SessionView(), 0
     for number, record in enumerate(read_journal(journal).read_records()):
         view.apply(record)
@@ -52,7 +53,7 @@ def growth_of_view(journal: Path, half: int) -> int:
 
 
 async def press(client: SocketClient, until: float) -> None:
-    """Start acts until a moment of the monotonic clock."""
+    """Start acts until a time of the monotonic clock."""
     loop = asyncio.get_running_loop()
     while monotonic() < until:
         next_at = loop.time() + 1 / PER_SECOND

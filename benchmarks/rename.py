@@ -1,5 +1,5 @@
-"""Renaming everywhere, as the editor does it: planned, put in, checked and proved; LabLinking, and twenty of it.
-Against the least that it takes: look for the name in all files, and put another one in."""
+"""Renaming everywhere, as in the editor (planned, applied, checked and proved): LabLinking, and twenty copies of it.
+The floor: search the name in all files, and replace it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RENAMES = (
 
 
 def renaming(files: Mapping[str, bytes], edit: Rename) -> tuple[Callable[[], None], Callable[[], None]]:
-    """A rename; and the floor."""
+    """Seconds of a rename; and the floor."""
     checker = ScenarioChecker("/nowhere")
     folder = Path("/nowhere")
     before = StudyState(files, checker.check(files), folder)

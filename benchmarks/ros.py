@@ -1,33 +1,32 @@
 """A task over ROS 2: DomainTask goal in, an act of one action, the robot's result, DomainTask result out.
 
-Beside it, in the same run and over the same transport, two plain action round trips one after the other: what the wire
-alone costs. With rclpy they are made with its own action client and server (`result_timeout` fixed on both sides); with
-the DDS wheel, which has no actions, with ours. Everything stays on the loopback.
+The floor, in the same run and over the same transport, is two plain action round trips one after the other: the cost of
+the wire. With rclpy they use its own action client and server (`result_timeout` fixed on both sides); with the DDS
+wheel, which has no actions, ours. Everything stays on the loopback.
 
-A trip is four messages one after the other: goal, accepted, result asked for, result. So two are eight between two
-processes. A task is six of the same kind one after the other (goal; the four of the robot's trip; result) between
-three, and the session makes three steps on the way, two of which must be on the disk before anything goes out. Beside
-that, and not on the way, go its acceptance, two feedbacks, and what the session publishes: seven records and three task
-states. The robot's answers to the plain trips reach the session's process, too, because the clients of a service share
-its topic of replies: that is in the floor, as it is in every system with a session in it.
+A trip is four messages in sequence: goal, accepted, request for the result, result. So two trips are eight between two
+processes. A task is six such messages in sequence (goal, the four of the robot's trip, result) between three processes.
+The session adds three steps, two of which must be on the disk before anything goes out. In parallel, it sends an
+acceptance, two feedbacks, and what it publishes: seven records and three task states. The robot's answers to the plain
+trips also reach the session's process, because the clients of a service share its topic of replies. The floor includes
+this, as any system with a session does.
 
-The same eight messages between three processes, without a session, is one goal through a relay: a plain action server
-that is a plain client of the robot. It takes less than the floor, since two of the messages are not on the way. So the
-floor is no unfair one, and the difference is what the session itself takes.
+The same eight messages between three processes, without a session, are one goal through a relay: a plain action server
+that is a plain client of the robot. It takes less than the floor, because two of the messages are not in sequence. So
+the floor is fair, and the difference is the session's own time.
 
-And the wizard: how long an act takes through the engine, beside the same two plain trips. And how
-long a key takes until it is acknowledged, while 3 x 500 feedback messages or 1,000 tasks a second come in, and while
-nothing does. The journal of that session is in memory where the machine has such a place: how long a disk takes is
-measured by `acknowledge`.
+It also measures the wizard's acts: the time of an act through the engine, compared with the same two plain trips. It
+measures a key's acknowledgement, while 3 x 500 feedback messages or 1,000 tasks a second come in, and without load. The
+journal of that session is in memory if possible: `acknowledge` measures the disk.
 
-And how long a stop takes, from the key to the answer of every part, of a robot that answers at once and is in the
-middle of a long act.
+It measures a stop, from the key to the answer of every part, of a robot that answers immediately in the middle of a
+long act.
 
-And what part of a core it takes to listen: a session to 3 x 500 feedbacks a second of its robot, and a
-feature node to 1,000 points a second, best effort, beside a node without anything of ours between (`ros_peers.py
-listen plainly`).
+And it measures the share of a core for listening: of a session to 3 x 500 feedbacks a second of its robot, and of a
+feature node to 1,000 points a second, best effort, compared with a node without our code
+(`ros_peers.py listen plainly`).
 
-Over rclpy: run it with a Python that has rclpy and rise_interfaces, and say `RISE_BENCH_ROS=rclpy`.
+For rclpy: run it with a Python that has rclpy and rise_interfaces, and set `RISE_BENCH_ROS=rclpy`.
 """
 
 from __future__ import annotations
@@ -63,9 +62,9 @@ TASK_TRIPS = 1.75
 """A task goes through a third process, which writes two of its steps to the disk before anything goes out."""
 TALK_SECONDS = 10.0
 FEEDBACK_PERCENT = 10
-"""Of a core, where the profile waits for feedback; where it does not, the session does not listen to any."""
+"""Maximum share of a core if the profile waits for feedback; otherwise the session does not listen to any."""
 LISTENER_PERCENT = 5
-"""Of a core."""
+"""Maximum share of a core."""
 LOOPBACK = (
     "<General><AllowMulticast>false</AllowMulticast><Interfaces><NetworkInterface name='lo'/></Interfaces></General>"
     "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
@@ -86,7 +85,7 @@ carrier = {{ action = "bench/talk{}", type = "rise_interfaces/action/Speech", go
 
 
 def scenario(folder: Path) -> Path:
-    """One act of one action, and one of three that talk for ever."""
+    """One act of one action, and one of three that talk without end."""
     numbers = range(1, TALKERS + 1)
     talk = "".join(f"<Gabble{n}><actionID>{n}</actionID><message>x</message></Gabble{n}>" for n in numbers)
     for name, text in {
@@ -101,7 +100,7 @@ def scenario(folder: Path) -> Path:
 
 @contextmanager
 def process(*command: str, environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """A process that says a line when it is ready, and ends when its input does."""
+    """A process that prints a line when it is ready, and ends when its input does."""
     running = subprocess.Popen(
         [sys.executable, *command],
         env=environment,
@@ -131,7 +130,7 @@ def ready(running: subprocess.Popen[str], word: str) -> None:
 
 
 class Ours:
-    """Action clients of ours."""
+    """Our action clients."""
 
     @classmethod
     async def make(cls, choice: str) -> Ours:
@@ -169,7 +168,7 @@ class Ours:
 
 
 def plain_rclpy() -> Callable[[], float]:
-    """Two round trips with rclpy's own action client, which spins in a thread of its own."""
+    """Two round trips with rclpy's own action client, which spins in its own thread."""
     import rclpy
     from rclpy.action import ActionClient as PlainClient
     from rise_interfaces.action import Speech
@@ -198,7 +197,7 @@ def plain_rclpy() -> Callable[[], float]:
 
 
 async def trips(choice: str) -> tuple[float, float, float]:
-    """Seconds of a task, of two plain round trips, and of one goal through a relay: medians."""
+    """Median seconds of a task, of two plain round trips, and of one goal through a relay."""
     ours = await Ours.make(choice)
     plain = plain_rclpy() if choice == "rclpy" else None
     medians: list[tuple[float, float, float]] = []
@@ -244,18 +243,18 @@ class Wizard:
         assert self._await(self._client.send(Submit(function=function, behavior=behavior)))
 
     def key_times(self) -> tuple[float, float]:
-        """Milliseconds until a key is acknowledged: the median, and what 99 of 100 take at most."""
+        """Milliseconds until a key is acknowledged: the median, and the maximum of 99 of 100."""
         hundredths = statistics.quantiles(self._await(self._press_keys()), n=100)  # type: ignore[arg-type]
         return hundredths[49] * 1e3, hundredths[98] * 1e3
 
     def stop_times(self) -> tuple[float, float]:
-        """Milliseconds from the stop key to the robot's answer: the median, and what 99 of 100 take at most."""
+        """Milliseconds from the stop key to the robot's answer: the median, and the maximum of 99 of 100."""
         hundredths = statistics.quantiles(self._await(self._stop()), n=100)  # type: ignore[arg-type]
         return hundredths[49] * 1e3, hundredths[98] * 1e3
 
     def act_times(self) -> tuple[float, float]:
-        """Seconds of an act that the wizard starts: from the key until the console hears of its end, and on the
-        session's own clock from its start to the robot's result. Medians."""
+        """Median seconds of an act that the wizard starts: from the key until the console gets its end, and on the
+        session's own clock from its start to the robot's result."""
         seen, took = zip(*self._await(self._act()), strict=True)  # type: ignore[call-overload]
         return statistics.median(seen), statistics.median(took)
 
@@ -306,7 +305,7 @@ class Wizard:
 
 
 def core_percent(pid: int) -> float | None:
-    """What part of a core a process takes for a while; None: this system does not say."""
+    """The share of a core that a process uses for a while; None: this system does not report it."""
 
     def used() -> float:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()

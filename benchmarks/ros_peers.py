@@ -1,14 +1,13 @@
-"""The other processes of the benchmark `ros`: ros_peers.py robot | relay | flood RATE | plain | stream RATE |
-listen HOW, with --ros TRANSPORT.
+"""The other processes of the benchmark `ros`: ros_peers.py robot | relay | flood RATE | plain | stream RATE | listen
+HOW, with --ros TRANSPORT.
 
-robot: a robot whose actions end at once (`bench/act`, `bench/behind_relay`), and three that send feedback
-500 times a second each (`bench/talk1` to `bench/talk3`).
-relay: passes each goal of `bench/relay` on to the robot and its result back: a session that does nothing. It has an
-action of the robot to itself, because the clients of a service hear each other's replies.
-flood: DomainTask goals at a steady rate until its input is closed. plain: rclpy's own action server (`bench/plain`).
-stream: points at a steady rate, best effort (`bench/gaze`), until its input is closed.
-listen: hears them and says what part of a core that takes; HOW: `every` message, the `newest` as feature nodes do, or
-`plainly`, with nothing of ours between: rclpy's own subscription, or a reader of Cyclone DDS that decodes nothing.
+robot: a robot whose actions end immediately (`bench/act`, `bench/behind_relay`), and three that send feedback 500 times
+a second each (`bench/talk1` to `bench/talk3`). relay: passes each goal of `bench/relay` on to the robot and its result
+back: a session that does nothing. It has an action of the robot to itself, because the clients of a service hear each
+other's replies. flood: DomainTask goals at a steady rate until its input is closed. plain: rclpy's own action server
+(`bench/plain`). stream: points at a steady rate, best effort (`bench/gaze`), until its input is closed. listen: hears
+them and says what part of a core that takes; HOW: `every` message, the `newest` as feature nodes do, or `plainly`, with
+nothing of ours between: rclpy's own subscription, or a reader of Cyclone DDS that decodes nothing.
 """
 
 from __future__ import annotations
@@ -181,7 +180,7 @@ async def listen(choice: str, how: str) -> None:
 
 
 def listen_plainly(choice: str, take: Callable[[object], object]) -> None:
-    """In a thread."""
+    """Listen in a thread."""
     if choice == "rclpy":
         import rclpy
         from geometry_msgs.msg import PointStamped

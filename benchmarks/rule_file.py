@@ -1,5 +1,5 @@
-"""Reading a rule of 1,000 states, against the least that any reader must do: parse the XML, compile the
-conditions and the assignments, resolve the targets."""
+"""Reading a rule of 1,000 states, compared with the minimum of any reader: parse the XML, compile the conditions and
+the assignments, resolve the targets."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def main() -> bool:
         scenario, findings = load(folder)
         assert scenario is not None and not findings, findings[:3]
 
-        # Each time another text, so that nothing can be remembered from the time before.
+        # another text each time, so that no cache applies
         count = 0
 
         def fresh() -> str:

@@ -1,7 +1,7 @@
-"""`rise-tui --config` from nothing to a painted console of a live session, beside a bare Textual app with five panes.
+"""`rise-tui --config` until a console of a live session is painted, compared with a bare Textual app with five panes.
 
-Both are started on a pseudo terminal and measured from the start of the process until their last pane is painted; ours
-starts the engine's process, its session and its journal on the way, and shows the state of that engine.
+Both start on a pseudo terminal and are measured from the start of the process until their last pane is painted. Ours
+also starts the engine's process, its session and its journal, and shows the state of that engine.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from measure import Report
 
 ROUNDS = 9
 MOST = 2.5
-"""Times the bare app."""
+"""Maximum ratio to the bare app."""
 ROOT = Path(__file__).parents[1]
 
 BARE = """

@@ -1,4 +1,4 @@
-"""A steady load for an engine: so many records a second, some from the memory and some from events."""
+"""A steady load for an engine: this many records a second, some from the memory and some from events."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rise_engine.run.server.hub import SessionHub
 
 
 async def make_records(engine: Engine, hub: SessionHub, rate: float, end: asyncio.Future[str]) -> float:
-    """Make `rate` records a second until `end` is done; gives how many a second there were."""
+    """Make `rate` records a second until `end` is done; returns the actual rate."""
     began, first, number = time.monotonic(), hub.view.seq, 0
     while not end.done():
         while hub.view.seq - first < (time.monotonic() - began) * rate:

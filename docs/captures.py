@@ -1,8 +1,7 @@
 """Makes the pictures of the console for README and docs: `.venv/bin/python docs/captures.py`.
 
-The real console over the real engine, at ten times the speed, in the middle of the LabLinking study; and the screen of
-a study that was made by the real commands, with sessions that were really begun; and the editor on a copy of
-LabLinking.
+It uses the real console and engine, at ten times the speed, in the middle of the LabLinking study; the screen of a
+study made by the real commands, with real sessions; and the editor on a copy of LabLinking.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ async def capture(
     wait: str = "",
     recorders: Mapping[str, RecordingStatus] | None = None,
 ) -> None:
-    """The console in the middle of the first task, after these keys and with these recorders, once the alarm says
+    """The console in the middle of the first task, after these keys and with these recorders, when the alarm is
     `wait`."""
     console = app(theme, faults)
     async with console.run_test(size=size) as pilot:
@@ -125,7 +124,7 @@ def command(*arguments: str) -> None:
 
 
 def make_study(folder: str) -> None:
-    """LabLinking with two factors and ten participants, of whom one has not consented."""
+    """LabLinking with two factors and ten participants, one of whom has not consented."""
     levels = [
         f"--level={level}"
         for level in (
@@ -145,7 +144,7 @@ def make_study(folder: str) -> None:
 
 
 async def run_session(folder: str, participant: str, outcome: OutcomeStatus = "complete", reason: str = "") -> None:
-    """A session of the study, as short as can be."""
+    """The shortest session of the study."""
     known = load_study(folder).study
     assert known is not None
     checks = tuple(CheckReport(id=check.id, result="passed") for check in known.checks if check.when == "before")
@@ -157,7 +156,7 @@ async def run_session(folder: str, participant: str, outcome: OutcomeStatus = "c
 
 
 async def capture_study(place: str) -> None:
-    """The screen of a study after some sessions, and what is asked before the next one."""
+    """The screen of a study after some sessions, and the questions before the next one."""
     folder = str(Path(place, "hesitation"))
     await asyncio.to_thread(make_study, folder)
     for participant in ("P01", "P01", "P02", "P02", "P03"):

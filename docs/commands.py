@@ -1,7 +1,7 @@
 """Writes commands and options into their reference pages: `.venv/bin/python -m docs.commands`.
 
-A page has a mark for each command, `<!-- command: rise-engine check -->`, or for a group of commands. Everything from
-the mark to the next `<!-- end -->` comes from the program's own help.
+A page has a mark for each command, `<!-- command: rise-engine check -->`, or for a group of commands. The text from the
+mark to the next `<!-- end -->` comes from the program's own help.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ PROGRAMS: dict[str, click.Command] = {"rise-engine": rise_engine, "rise-tui": ri
 MARK = re.compile(r"(<!-- (command|commands|shared options): ([\w -]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
 SHARED_BY = 2
-"""Options that so many commands have, with the same help, are in one list."""
+"""Minimum number of commands with the same option and help for the common list."""
 
 Row = tuple[str, str]
 """An option as it is typed, and its help."""
 
 
 def leaves(command: click.Command, name: str, parent: click.Context | None = None) -> Iterator[click.Context]:
-    """A context for each command that does something, also for a group that does."""
+    """A context for each command that can run, including groups that can."""
     context = click.Context(command, info_name=name, parent=parent)
     if not isinstance(command, click.Group) or command.invoke_without_command:
         yield context
@@ -56,7 +56,7 @@ def shared_rows(program: str) -> list[Row]:
 
 
 def help_text(command: click.Command) -> str:
-    """What a command does, and its exit status. The rest of its help is about details, or is examples."""
+    """A command's summary and its exit status. The rest of its help is about details, or is examples."""
     first, *others = [" ".join(each.split()) for each in inspect.cleandoc(command.help or "").split("\n\n")]
     statuses = [f"Exit status{each.partition('Exit status')[2]}" for each in others if "Exit status" in each]
     return "\n\n".join(in_code(each) for each in [first, *statuses])
@@ -72,7 +72,7 @@ def option_list(rows: list[Row]) -> str:
 
 
 def command_text(context: click.Context, shared: list[Row]) -> str:
-    """How to type a command, its help, and its options."""
+    """The usage of a command, its help, and its options."""
     usage = " ".join([context.command_path, *context.command.collect_usage_pieces(context)])
     parts = [f"```\n{usage}\n```", help_text(context.command)]
     rows = option_rows(context)
@@ -90,7 +90,7 @@ def commands_by_purpose() -> str:
 
 
 def page_text(program: str, text: str) -> str:
-    """A page with everything between its marks as the program has it."""
+    """A page with the text between its marks replaced by the program's."""
     shared = shared_rows(program) if "<!-- shared options" in text else []
 
     def between(kind: str, name: str) -> str:

@@ -1,9 +1,9 @@
 """The documentation as a site: `./dev docs`.
 
-The pages are plain Markdown, which GitHub shows too; nothing of them is for Sphinx alone. What Sphinx wants to know
-besides, the order of the pages, is read from docs/README.md.
+The pages are plain Markdown, which GitHub also shows; no part of them is for Sphinx alone. The order of the pages comes
+from docs/README.md.
 
-Everything that a page loads comes with the site, so that it can be read and searched from a disk without a network.
+The site includes everything that a page loads, so that it can be read and searched from a disk without a network.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "build", "dist", "**/__pycache__"]
 suppress_warnings = ["myst.header", "toc.not_included", "misc.highlighting_failure"]
-"""Pages that the index does not name (decisions) are linked from others; `mermaid` is drawn by GitHub alone."""
+"""Pages that the index does not list (decisions) are linked from others; only GitHub draws `mermaid`."""
 myst_heading_anchors = 4
 myst_fence_as_directive: list[str] = []
 
@@ -47,7 +47,7 @@ pygments_dark_style = "monokai"
 
 
 def pages_by_section(index: str) -> list[tuple[str, list[str]]]:
-    """The sections of the index and the pages that each names, as a site's side bar has them.
+    """The sections of the index with their pages, for the site's side bar.
 
     >>> pages_by_section("**How-to guides** get one thing done.\\n- [Be the wizard](how-to/wizard.md): before\\n")
     [('How-to guides', ['how-to/wizard'])]
@@ -67,7 +67,7 @@ def pages_by_section(index: str) -> list[tuple[str, list[str]]]:
 
 
 def add_navigation(app: Any, name: str, content: list[str]) -> None:
-    """Append the side bar to the index: Sphinx wants every page in a tree."""
+    """Append the side bar to the index: Sphinx requires every page in a tree."""
     if name != INDEX:
         return
     for title, pages in pages_by_section(content[0]):
@@ -76,7 +76,7 @@ def add_navigation(app: Any, name: str, content: list[str]) -> None:
 
 
 def add_entrance(app: Any, error: Exception | None) -> None:
-    """The page that a browser opens first when it is shown the site's folder."""
+    """The page that a browser opens first for the site's folder."""
     if error is None and app.builder.format == "html":
         page = f'<!doctype html><meta http-equiv="refresh" content="0; url={INDEX}.html"><title>rise-tui</title>'
         Path(app.outdir, "index.html").write_text(f'{page}<a href="{INDEX}.html">rise-tui</a>\n', encoding="utf-8")

@@ -1,8 +1,8 @@
 """Films of the tutorials: `.venv/bin/python docs/films.py [NAME]`.
 
-A tutorial is played on a terminal of 80 by 24 as the tests play it, key by key from its own page or from the file that
-`KEYS` names. What the screen shows after each step becomes a frame. Each film is written twice: as an SVG that moves by
-itself in any browser, and as an asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
+A tutorial is played on a terminal of 80 by 24 as in the tests. The keys come from its own page or from its file in
+`KEYS`. The screen after each step becomes a frame. Each film is written twice: as an animated SVG for any browser, and
+as an asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from tests.tutorials.shell import shell
 FOLDER = Path(__file__).parent
 IMAGES = FOLDER / "images"
 KEYS = {"greeting-from-nothing": FOLDER.parent / "tests" / "tutorials" / "greeting.md"}
-"""Pages that do not have their keys themselves."""
+"""Pages whose keys are in another file."""
 SIZE = (80, 24)
 SECONDS = {"key": 1.0, "typed": 1.4, "seen": 1.6, "gone": 0.4, "command": 1.6}
-"""How long the screen stands after a step."""
+"""Seconds for which the screen is shown after a step."""
 LAST = 4.0
 NOT_FILMED, FILMED = "<!-- not filmed -->", "<!-- filmed -->"
 """Lines of a page between which a film would only repeat itself."""
 WIDTH, HEIGHT = 8.4, 17.0
-"""Of a cell, in pixels."""
+"""The size of a cell, in pixels."""
 FOREGROUND, BACKGROUND = "#d8dee9", "#101418"
 NAMED = {
     "black": "#101418", "red": "#bf616a", "green": "#a3be8c", "brown": "#ebcb8b", "blue": "#81a1c1",
@@ -43,7 +43,7 @@ NAMED = {
 
 @dataclass(frozen=True)
 class Frame:
-    """What a terminal shows, and how long."""
+    """The contents of a terminal, and its seconds."""
 
     cells: tuple[tuple[Char, ...], ...]
     seconds: float
@@ -64,7 +64,7 @@ def look(char: Char) -> tuple[str, str, bool, bool, bool]:
 
 
 def runs(row: Sequence[Char]) -> list[tuple[int, str, tuple[str, str, bool, bool, bool]]]:
-    """Cells that look alike: first column, text, look."""
+    """Cells with the same look: first column, text, look."""
     found: list[tuple[int, str, tuple[str, str, bool, bool, bool]]] = []
     for column, char in enumerate(row):
         if found and found[-1][2] == look(char) and found[-1][0] + len(found[-1][1]) == column:
@@ -94,7 +94,7 @@ def row_svg(row: Sequence[Char], y: float) -> str:
 
 
 def svg(frames: Sequence[Frame], title: str) -> str:
-    """A film as one SVG, which shows a frame after the other, without end. Rows that come again stand in it once."""
+    """A film as one SVG, which shows its frames in an endless loop. Repeated rows are defined once."""
     total = sum(frame.seconds for frame in frames)
     columns, rows = SIZE
     width, height = columns * WIDTH + 16, rows * HEIGHT + 16
@@ -126,7 +126,7 @@ def svg(frames: Sequence[Frame], title: str) -> str:
 
 
 def ansi(row: Sequence[Char]) -> str:
-    """One line of a terminal, as a program would write it."""
+    """One line of a terminal with its escape sequences."""
     pieces = []
     for _, text, (front, back, bold, italics, underscore) in runs(row):
         codes = ["0"] + ["1"] * bold + ["3"] * italics + ["4"] * underscore
@@ -138,7 +138,7 @@ def ansi(row: Sequence[Char]) -> str:
 
 
 def asciicast(frames: Sequence[Frame], title: str) -> str:
-    """A film in the form of asciinema: of each frame the rows that differ from the one before."""
+    """A film in asciinema's format: for each frame the rows that differ from the previous one."""
     columns, rows = SIZE
     lines = [json.dumps({"version": 2, "width": columns, "height": rows, "title": title})]
     at, before = 0.0, [""] * rows
@@ -154,7 +154,7 @@ def asciicast(frames: Sequence[Frame], title: str) -> str:
 
 
 def left_out(page: str) -> set[int]:
-    """The lines of a page that are played and not filmed: from `<!-- not filmed -->` to `<!-- filmed -->`."""
+    """The lines of a page that are played but not filmed: from `<!-- not filmed -->` to `<!-- filmed -->`."""
     found, is_out = set(), False
     for number, line in enumerate(page.splitlines(), 1):
         is_out = (is_out or line.strip() == NOT_FILMED) and line.strip() != FILMED

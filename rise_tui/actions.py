@@ -20,8 +20,8 @@ from rise_tui.model.store import Store
 KeyScope: TypeAlias = Literal[
     "everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log", "study", "edit"
 ]
-"""Where an action's keys work: on every screen, on the console, in one pane or list while it has the focus, on the
-screen of a study (no session runs), or in the editor (no key starts anything)."""
+"""Where an action's keys work: on every screen, on the console, in one focused pane or list, on the screen of a study
+(no session runs), or in the editor (no key starts anything)."""
 
 KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("everywhere", "Always"),
@@ -47,7 +47,7 @@ def never_blocked(store: Store) -> Obstacle:
 
 
 class ConsoleAction(Struct, frozen=True):
-    """Something that the wizard can do with the console."""
+    """An action of the wizard on the console."""
 
     id: str
     title: str
@@ -56,7 +56,7 @@ class ConsoleAction(Struct, frozen=True):
     scope: KeyScope
     help: str
     hint: str = ""
-    """One or two words for the hint line. Empty: the line does not show it."""
+    """One or two words for the hint line; empty: not shown there."""
     obstacle: Callable[[Store], Obstacle] = never_blocked
     """Why the action cannot be used now. `key_labels.why_unavailable` makes the sentence."""
 
@@ -65,7 +65,7 @@ class ConsoleAction(Struct, frozen=True):
 
 
 def _stoppable(store: Store) -> Obstacle:
-    """Stopping needs no control. The console tries it even when the connection is cut."""
+    """Stopping needs no control, and is tried even when the connection is cut."""
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
@@ -75,7 +75,7 @@ def _cancellable(store: Store) -> Obstacle:
 
 
 def _own_console(store: Store) -> Obstacle:
-    """Blocks what concerns only this console and means nothing in a replay."""
+    """Blocks actions that concern only this console and have no meaning in a replay."""
     return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
 
 
@@ -86,7 +86,7 @@ def _logged(store: Store) -> Obstacle:
 def _blocks(
     deed: Deed, find: Callable[[Store], object] = lambda store: True, missing: str = ""
 ) -> Callable[[Store], Obstacle]:
-    """An obstacle: what blocks this deed, or the sentence `missing` when `find` finds nothing."""
+    """Make an obstacle: what blocks this deed, or the sentence `missing` if `find` finds nothing."""
     return lambda store: store.blocked_reason(deed) or (None if find(store) else missing)
 
 
@@ -140,12 +140,12 @@ def _start_values(store: Store) -> Obstacle:
 
 
 def _between_sessions(store: Store) -> Obstacle:
-    """Actions of a study's screen mean nothing in a session."""
+    """Actions of a study's screen have no meaning in a session."""
     return "this works on the screen of a study, between two sessions"
 
 
 def _in_editor(store: Store) -> Obstacle:
-    """Actions that change a study's files mean nothing while a session runs."""
+    """Actions that change a study's files have no meaning while a session runs."""
     return "this works in the editor (command `Edit this study`)"
 
 
@@ -169,7 +169,7 @@ def _steppable(store: Store) -> Obstacle:
 
 
 def _passable(store: Store) -> Obstacle:
-    """Going on needs the right to start, because it makes something happen where rules wait."""
+    """Going on needs the right to start, because waiting rules then continue."""
     return _failed(store) or (_start(store) if store.view.questions else None)
 
 
@@ -420,7 +420,7 @@ def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
 
 
 def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of one scope, for Textual. Each has its action's id, so that a key file can remap it."""
+    """Return the key bindings of one scope, for Textual. Each has its action's id, so that a key file can remap it."""
     return [
         Binding(
             textual_keys(action.id, action.keys),
@@ -434,10 +434,10 @@ def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, 
 
 
 def bindings_of(*ids: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of single actions, for a screen that has some of another scope."""
+    """Return the key bindings of single actions, for a screen that has some of another scope."""
     return [Binding(textual_keys(id, BY_ID[id].keys), f"do('{id}')", BY_ID[id].title, id=id) for id in ids]
 
 
 def textual_keys(id: str, keys: Iterable[str]) -> str:
-    """The keys of an action, for Textual; without keys a placeholder, because Textual remaps only what is bound."""
+    """Return the keys of an action, for Textual; without keys a placeholder, because Textual remaps only bound keys."""
     return ",".join(keys) or f"no-key-of-{id}"

@@ -1,4 +1,4 @@
-"""How keys and reasons read for this user, who may have changed an action's keys (console.md 6.3)."""
+"""Keys and reasons in words for this user, who may have changed an action's keys (console.md 6.3)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KEY_LABELS = {
     "right": "→",
     "space": "space",
 }
-"""Keys that are not printed in Textual's spelling."""
+"""Keys with a printed form that differs from Textual's spelling."""
 
 _own_keys: dict[str, tuple[str, ...]] = {}
 """The keys that this user has given to an action, by the action's id."""
@@ -35,7 +35,7 @@ def use_own_keys(own: Mapping[str, tuple[str, ...]]) -> None:
 
 
 def keys_of(action: ConsoleAction) -> tuple[str, ...]:
-    """The keys of an action for this user. Everything that shows a key asks here."""
+    """The keys of an action for this user, for everything that shows a key."""
     return _own_keys.get(action.id, action.keys)
 
 
@@ -49,7 +49,7 @@ def key_label(key: str) -> str:
 
 
 def first_key_label(action: ConsoleAction) -> str:
-    """The key to show if there is room for one; empty for an action without a key."""
+    """The key to show if there is room for only one; empty: the action has none."""
     keys = keys_of(action)
     return key_label(keys[0]) if keys else ""
 
@@ -69,7 +69,7 @@ def key_name(id: str) -> str:
 
 
 def why_blocked(store: Store, deed: Deed) -> str:
-    """What blocks this deed, as a sentence with the user's own keys; empty if nothing does."""
+    """What blocks this deed, as a sentence with the user's own keys; empty: nothing."""
     return blocked_text(store.blocked_reason(deed), key_name)
 
 

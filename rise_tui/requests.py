@@ -1,4 +1,4 @@
-"""What panes and bars request of the screen around them."""
+"""The requests of panes and bars to the screen around them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class ActionHost(Protocol):
     """A screen with actions of the registry."""
 
     def action_do(self, action: str) -> None:
-        """Carry out an action of the registry, or say why not."""
+        """Carry out an action of the registry, or show why not."""
 
 
 class ConsoleHost(ActionHost, Protocol):
-    """The console, for its panes and bars, and for what opens above it."""
+    """The console, for its panes and bars, and for screens above it."""
 
     @property
     def app(self) -> App[Any]: ...
@@ -32,7 +32,7 @@ class ConsoleHost(ActionHost, Protocol):
         """Show the wizard a notice."""
 
     def start(self, action: KeyAction) -> None:
-        """Request a start as carefully as by a key of the scenario, with all protection against accidents."""
+        """Request a start with all protection against accidents, like a key of the scenario."""
 
     def send(self, function: str, behavior: str = "") -> None:
         """Send a task to the engine immediately, without waiting."""
@@ -47,7 +47,7 @@ class ConsoleHost(ActionHost, Protocol):
         """Show another act or rule in its pane, because the wizard has selected it in the list `pane`."""
 
     def ask_to_start(self, rule: str, state: str) -> None:
-        """Ask whether to start a rule in one of its states, and show what that would do."""
+        """Ask whether to start a rule in one of its states, and show the effect."""
 
     def ask_to_step_back(self, rule: str) -> None:
         """Ask whether a rule should go back one step."""

@@ -1,4 +1,4 @@
-"""The base of both programs: theme, own keys, which keys are text, and which wait for what earlier ones open."""
+"""The base of both programs: theme, own keys, keys that are text, and keys that wait for what earlier ones open."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TakesText:
 
 
 def takes_text(widget: object) -> bool:
-    """Whether letters that are typed or pasted into the widget are text."""
+    """Whether typed or pasted letters are text for the widget."""
     return isinstance(widget, Input | TakesText)
 
 
@@ -35,7 +35,7 @@ def is_editing(app: App[object]) -> bool:
 
 
 class RiseApp(TerminalApp):
-    """What the console and the editor alone have in common: theme, the user's own keys, and keys typed ahead."""
+    """The common part of the console and the editor: theme, the user's own keys, and keys typed ahead."""
 
     TITLE = "RISE"
     ENABLE_COMMAND_PALETTE = False  # ours is an action of the registry

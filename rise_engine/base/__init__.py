@@ -1,1 +1,1 @@
-"""The base of all packages: texts, errors, JSON, names and exit statuses."""
+"""Shared code of all packages: texts, errors, JSON, names and exit statuses."""

@@ -1,6 +1,6 @@
 """The exit statuses of both programs (docs/reference/rise-engine.md lists them for each command).
 
-Those from 64 on are from sysexits.h, those from 128 on are a shell's for signals.
+Those from 64 on are from sysexits.h, those from 128 on are shell statuses for signals.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ REFUSED = 1
 DIFFERENT = 1
 """`replay`: the result differs from the record."""
 PARTIAL = 1
-"""`export`: something could not be read; the rest was exported."""
+"""`export`: some parts could not be read; the rest was exported."""
 NO_SUCH_SESSION = 1
 """`stop`, `sessions`: there is no such session, or several match."""
 
 USAGE = 2
-"""The command line is wrong, or what it names cannot be read."""
+"""The command line is wrong, or a named file cannot be read."""
 
 TASK_FAILED = 3
 """`run --strict`: a task was rejected or aborted."""
 ENDLESS = 4
-"""`run`: the session would never have ended."""
+"""`run`: the session would never end."""
 
 ALREADY_RUNNING = 3
 """`serve`: a session of the scenario is already running."""
 UNFINISHED = 4
-"""`serve`: an earlier session did not end, and the command line does not say what to do with it."""
+"""`serve`: an earlier session did not end, and the command line does not say whether to recover it."""
 UNRECOVERABLE = 5
 """`serve`: the session cannot be recovered."""
 STILL_RUNNING = 6
@@ -40,4 +40,4 @@ NOT_WRITTEN = 74
 INTERRUPTED = 130
 """SIGINT or SIGTERM ended the program."""
 BROKEN_PIPE = 141
-"""Nobody reads the output any more."""
+"""The reader of the output has gone."""

@@ -1,7 +1,7 @@
-"""Files that are written whole or not at all, and locks on them.
+"""Files that are written completely or not at all, and locks on them.
 
-A lock is the operating system's (flock): it ends with the process that holds it, however that process ends. Journals,
-logs and plans reach the disk through `Disk`, so that tests can make any operation fail.
+Locks are those of the operating system (flock): they end with their process, however it ends. Journals, logs and plans
+reach the disk through `Disk`, so that tests can make any operation fail.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVA
 def take_lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> bool:
     """Lock an open file or folder. Returns False if another process has locked it.
 
-    :param shared: share the lock with others that ask for a shared lock.
+    :param shared: share the lock with other shared locks.
     :param wait: wait until the other process releases it.
     :raises OSError: it cannot be locked, perhaps because the file system has no locks (`has_no_locks`).
     """
@@ -47,7 +47,7 @@ def has_no_locks(error: OSError) -> bool:
 
 
 def is_locked(path: Path) -> bool:
-    """Whether a process has locked a file, as far as this computer can tell. Does not wait."""
+    """Whether a process has locked a file, as far as this computer knows. Does not wait."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
@@ -61,7 +61,7 @@ def is_locked(path: Path) -> bool:
 
 
 def wait_until(done: Callable[[], bool], seconds: float, every: float = 0.01) -> bool:
-    """Call `done` again and again until it is true, for at most this many seconds. Returns whether it became true."""
+    """Call `done` repeatedly until it is true, for at most this many seconds. Returns whether it became true."""
     end = time.monotonic() + seconds
     while not done():
         if time.monotonic() > end:
@@ -100,13 +100,13 @@ class Disk:
         os.close(descriptor)
 
     def sync_folder(self, path: Path) -> None:
-        """Make the names in a folder survive a power cut too."""
+        """Make the names in a folder survive a power cut, too."""
         sync(path)
 
     def write_new(self, path: Path, data: bytes | Iterable[bytes]) -> int:
-        """Write a new file durably and return its size in bytes. Replaces a file that a killed program left there.
+        """Write a new file durably and return its size in bytes. Replaces a file of a killed program.
 
-        :raises OSError: it was not written, and no file is left behind.
+        :raises OSError: it was not written. No file remains.
         """
         path.unlink(missing_ok=True)
         descriptor = self.open(path, create=True)
@@ -128,7 +128,7 @@ class Disk:
         return size + len(block)
 
     def write_whole(self, path: Path, data: bytes) -> None:
-        """Replace a file, whole or not at all."""
+        """Replace a file atomically."""
         new = path.with_name(f"{path.name}.new")
         self.write_new(new, data)
         new.replace(path)
@@ -166,10 +166,10 @@ def write_private_file(path: Path, data: bytes) -> None:
 
 
 def write_whole(path: Path, data: bytes, *, beside: Path | None = None, private: bool = True) -> None:
-    """Replace a file, whole or not at all. Raises OSError.
+    """Replace a file atomically. Raises OSError.
 
-    :param beside: where the new file is written first. Give each process its own if several may write at once.
-    :param private: only its owner can read it; otherwise the umask decides.
+    :param beside: the path at which the new file is written first. It must differ between concurrent processes.
+    :param private: whether only its owner can read it; otherwise the umask applies.
     """
     new = beside or path.with_name(f"{path.name}.new")
     try:
@@ -203,7 +203,7 @@ _MESSAGES = {
 
 
 def error_message(error: OSError) -> str:
-    """Say in words what went wrong."""
+    """Describe an error in words."""
     return _MESSAGES.get(error.errno or 0, f"the disk does not take it ({error.strerror or error})")
 
 
@@ -219,7 +219,7 @@ _END_BYTES = 1 << 20
 def fingerprint(path: Path) -> str:
     """One hash of the size, first and last MiB of a file, or of all files in a folder. Raises OSError.
 
-    It identifies a long film at once, which `tree_hash` would read for minutes.
+    It identifies a long film immediately, which `tree_hash` would read for minutes.
     """
     return tree_hash(path, _hash_ends)
 
@@ -247,12 +247,12 @@ def tree_hash(path: Path, hash_file: Callable[[Path], str] = file_hash) -> str:
 
 
 _SMALL = 5_000_000
-"""Bytes. In larger files without text (films), `lines_with` finds nothing."""
+"""Maximum bytes of files without text (films) in which `lines_with` searches."""
 _TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
 def lines_with(path: Path, is_found: Callable[[str], object]) -> list[int]:
-    """The numbers, from 1, of the lines in which something is found. Large files that are not text are not searched.
+    """The numbers, from 1, of the lines with a match. Large files that are not text are not searched.
 
     :raises OSError: the file cannot be read.
     """

@@ -1,7 +1,7 @@
-"""Strict JSON in one place: RFC 8259 and nothing more, and only values that the memory can hold.
+"""Strict JSON: exactly RFC 8259, and only values that the memory can contain.
 
 The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and gives no locations.
-`decode` returns the value of a text, `read_json` also the places in it. `encode` writes JSON that all outputs can hold.
+`decode` returns the value of a text, `read_json` also the places in it. `encode` writes JSON for all outputs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rise_engine.base.text import escape_all_surrogates, match_end
 from rise_engine.base.typography import find_typographic_closing, typography_problem
 
 MAX_LEVELS = 64
-"""How deep lists and objects can be nested in any memory value (docs/reference/scenario.md)."""
+"""Maximum nesting of lists and objects in any memory value (docs/reference/scenario.md)."""
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
@@ -33,14 +33,14 @@ _HALF = re.compile("[\ud800-\udfff]")
 
 
 def is_64_bit(value: int) -> bool:
-    """Whether a whole number fits into a signed integer of 64 bits. The memory holds no other whole numbers."""
+    """Whether a whole number fits into a signed integer of 64 bits. The memory contains no others."""
     return -(2**63) <= value < 2**63
 
 
 class JsonError(RiseError, ValueError):
-    """A text that is not JSON, or that the memory cannot hold; the message is a sentence without a location.
+    """A text is not JSON, or not a memory value; the message is a sentence without a location.
 
-    `offset` counts characters from 0 within the text that was read.
+    `offset` counts characters from 0 in the text.
     """
 
     def __init__(self, message: str, offset: int) -> None:
@@ -49,7 +49,7 @@ class JsonError(RiseError, ValueError):
 
 
 Duplicate: TypeAlias = Callable[[str, int, int], None]
-"""Is called with a key that an object has twice, its offset and the offset of the first one."""
+"""Is called with a duplicate key of an object, its offset, and the offset of the first one."""
 NoNumber: TypeAlias = Callable[[str, int], None]
 """Is called with a sentence and an offset for NaN, an infinity or a number that is too large."""
 
@@ -64,14 +64,14 @@ class JsonMember(Struct, frozen=True):
 
 
 class JsonObject(dict[str, Any]):
-    """An object that knows the offsets of its members."""
+    """An object with the offsets of its members."""
 
     members: tuple[JsonMember, ...] = ()
     at: int = 0
 
 
 class JsonArray(list[Any]):
-    """An array that knows the offsets of its items."""
+    """An array with the offsets of its items."""
 
     items_at: tuple[int, ...] = ()
     at: int = 0
@@ -80,8 +80,8 @@ class JsonArray(list[Any]):
 def decode(text: str) -> Any:
     """Read a JSON text into ordinary dicts and lists.
 
-    Raises JsonError for invalid JSON, a key that an object has twice, NaN, infinities, whole numbers of more than
-    64 bits, and lists and objects that are nested more than MAX_LEVELS deep.
+    Raises JsonError for invalid JSON, duplicate keys, NaN, infinities, whole numbers of more than 64 bits, and lists
+    and objects that are nested more than MAX_LEVELS deep.
 
     >>> decode('{"task": 2, "names": ["Ada"]}')
     {'task': 2, 'names': ['Ada']}
@@ -96,7 +96,7 @@ def decode(text: str) -> Any:
 def encode(value: Any) -> bytes:
     """Write a JSON-like value or a Struct as JSON in UTF-8.
 
-    UTF-8 cannot hold half a character (an undecodable byte of a file name). It becomes the text `\\udcff`.
+    UTF-8 has no half characters (undecodable bytes of file names). They become the text `\\udcff`.
 
     >>> encode({"task": 2})
     b'{"task":2}'
@@ -108,9 +108,9 @@ def encode(value: Any) -> bytes:
 
 
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
-    """Read a JSON text into objects and arrays that know the offsets of their items; `to_plain` makes ordinary ones.
+    """Read a JSON text into objects and arrays with the offsets of their items; `to_plain` makes ordinary ones.
 
-    Reports keys that are given twice to `duplicate` and keeps the first value. Raises JsonError for invalid JSON. With
+    Reports duplicate keys to `duplicate` and keeps the first value. Raises JsonError for invalid JSON. With
     `no_number`, NaN, infinities and numbers that are too large are only reported, and read as null.
     """
     half = _HALF.search(text)
@@ -144,7 +144,7 @@ def to_plain(value: Any) -> Any:
 
 
 def json_equal(one: Any, other: Any, *, in_order: bool = False) -> bool:
-    """Whether two values are the same in JSON: 2 and 2.0 differ, and so do 1 and true. `in_order`: in key order too."""
+    """Whether two values are equal in JSON: 2 and 2.0 differ, and so do 1 and true. `in_order`: also key order."""
     return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)
 
 
@@ -303,7 +303,7 @@ class _JsonReader:
                 return result, at
 
     def read_separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
-        """Read what follows a value. Returns the offset after the comma, or after the closing bracket with True."""
+        """Read the separator after a value. Returns the offset after the comma, or after the bracket with True."""
         behind = at
         at = self.skip_blanks(at)
         if self.text.startswith(closing, at):

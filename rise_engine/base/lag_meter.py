@@ -1,4 +1,4 @@
-"""How late an asyncio loop is, which shows whether anything blocks it."""
+"""Measures the delay of an asyncio loop, which shows whether it is blocked."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import deque
 
 
 class LagMeter:
-    """Measures twenty times a second how late a timer of the loop is."""
+    """Measures the delay of a timer of the loop twenty times a second."""
 
     TICK = 0.05
     """Seconds between two measurements."""

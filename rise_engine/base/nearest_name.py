@@ -1,4 +1,4 @@
-"""The known name that somebody probably meant: "did you mean ...?", for every part that reads names.
+"""The known name that a person probably meant: "did you mean ...?", for all code that reads names.
 
 `suggest` returns the name and the end of a sentence, `did_you_mean` the end alone, `nearest_name` the name alone.
 """
@@ -18,26 +18,26 @@ from msgspec import Struct
 from rise_engine.base.text import UNSEEN, character_name
 
 _COMPARISONS = 20_000
-"""How many names are compared with misspelt ones while one scenario is read, because comparing is slow."""
+"""Maximum number of comparisons of names while one scenario is read, because comparing is slow."""
 _LONGEST = 80
-"""The longest name that is compared, in characters."""
+"""Maximum characters of a compared name."""
 _budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 
 class Correction(Struct, frozen=True):
-    """What the author of a study most likely meant by a wrong name."""
+    """The probable intention of a study's author for a wrong name."""
 
     written: str
     """The wrong name, without escapes."""
     meant: str
-    """What to write instead; empty if no name is near."""
+    """The intended name; empty: no name is near."""
     words: str = ""
     """The end of a sentence: "; did you mean `R_Yes`?"."""
 
 
 @contextmanager
 def limited_comparisons() -> Iterator[None]:
-    """Limit `nearest_name` to `_COMPARISONS` names within it, so that a file full of mistakes is read as fast."""
+    """Limit `nearest_name` to `_COMPARISONS` names within the block, so that many errors take no more time."""
     token = _budget.set([_COMPARISONS])
     try:
         yield
@@ -46,7 +46,7 @@ def limited_comparisons() -> Iterator[None]:
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
-    """The known name that somebody who wrote `word` most likely meant, or None if none is near."""
+    """The known name that a person most likely meant by `word`; None: none is near."""
     budget = _budget.get([_COMPARISONS])
     if budget[0] <= 0 or len(word) > _LONGEST:
         return None
@@ -60,7 +60,7 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
 
 
 def _in_order(names: Iterable[str]) -> Collection[str]:
-    """Names in a fixed order. A set has none and would suggest a different one of two equally near names each run."""
+    """Names in a fixed order. A set has none, so the suggestion among equally near names would vary."""
     if isinstance(names, set | frozenset):
         return sorted(names)
     return names if isinstance(names, Collection) else list(names)
@@ -82,10 +82,10 @@ def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
 
 
 def lookalike_note(word: str, known: str) -> str:
-    """Explain how two names that look alike differ: a sentence for the end of a message, or empty.
+    """Explain the difference of two names that look alike: a sentence for the end of a message, or empty.
 
-    A letter with an accent can be one character or two (file names on macOS and texts from PDF files have two), and
-    names are compared as they are written.
+    A letter with an accent can be one character or two (file names on macOS and texts from PDF files have two). Names
+    are compared as written.
     """
     if word.isascii() and known.isascii():
         return ""
@@ -93,7 +93,7 @@ def lookalike_note(word: str, known: str) -> str:
     at = next((index for index, (here, there) in pairs if here != there), min(len(word), len(known)))
     if _visible_part(normalize("NFC", word)) == _visible_part(normalize("NFC", known)):
         while at > 0 and any(combining(each) for each in (word[at : at + 1], known[at : at + 1]) if each):
-            at -= 1  # to the letter that the accent belongs to
+            at -= 1  # to the letter of the accent
     elif not _are_of_two_scripts(word[at : at + 1], known[at : at + 1]):
         return ""
     here, there = _letter_at(word, at), _letter_at(known, at)

@@ -13,7 +13,7 @@ def installed_plugins(group: str) -> EntryPoints:
 
 
 def find_plugin(group: str, name: str) -> EntryPoint | None:
-    """The entry point of that name. If there are two, the one that Python finds first."""
+    """The entry point of that name. Of two, the one that Python finds first."""
     return next(iter(installed_plugins(group).select(name=name)), None)
 
 

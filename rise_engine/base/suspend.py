@@ -1,16 +1,16 @@
-"""How long the computer has been suspended: its lid was closed, or it slept. A monotonic clock stands still then."""
+"""The duration of suspends of the computer, in which a monotonic clock stands still."""
 
 from __future__ import annotations
 
 import time
 
 _COUNTING = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""A clock that goes on in suspend: CLOCK_BOOTTIME on Linux, CLOCK_MONOTONIC on macOS (clock_gettime(2), (3))."""
+"""A clock that continues in suspend: CLOCK_BOOTTIME on Linux, CLOCK_MONOTONIC on macOS (clock_gettime(2), (3))."""
 _STANDING = getattr(time, "CLOCK_UPTIME_RAW", time.CLOCK_MONOTONIC)
-"""A clock that stands still: CLOCK_MONOTONIC on Linux, CLOCK_UPTIME_RAW on macOS. Never a test's virtual one."""
+"""A clock that stands still in suspend: CLOCK_MONOTONIC on Linux, CLOCK_UPTIME_RAW on macOS, never a virtual one."""
 
 
 def suspended_seconds() -> float:
-    """Return how long the computer has been suspended, since any fixed moment. Only the difference of two results means
-    something. Where no clock tells, it is always the same."""
+    """Return the seconds of suspend since any fixed moment. Only differences of results have a meaning. Without such
+    clocks, the result is constant."""
     return time.clock_gettime(_COUNTING) - time.clock_gettime(_STANDING)

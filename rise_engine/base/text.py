@@ -1,6 +1,6 @@
-"""Text from others, made safe to show on the command line and in the console.
+"""Makes text from others safe for the command line and the console.
 
-Text from files, sessions and robots can hold characters that move a terminal's cursor, set its title, turn the
+Text from files, sessions and robots can contain characters that move a terminal's cursor, set its title, change the
 writing direction, or are invisible. Pass such text through `clean` before you write it to a screen.
 """
 
@@ -27,7 +27,7 @@ UNSEEN = re.compile(f"[{_UNSEEN}]")
 """One character that moves the cursor, changes the characters around it, or is invisible."""
 
 BLANKS = " \t\r\n"
-"""The only characters that XML and JSON take as blanks."""
+"""The only blanks of XML and JSON."""
 GAP = rf"[{_UNSEEN}\s]"
 """A pattern for one character that leaves a gap: a blank of any kind, or an invisible one."""
 _GAP = re.compile(GAP)
@@ -57,7 +57,7 @@ def pluralize(number: int, noun: str) -> str:
 
 
 def name_some(values: Sequence[object], most: int = 5) -> str:
-    """The first few of several things, and how many more there are: `3, 7 and 2 more`."""
+    """The first few values, and the number of the others: `3, 7 and 2 more`."""
     more = len(values) - most
     return ", ".join(map(str, values[:most])) + (f" and {more} more" if more > 0 else "")
 
@@ -83,13 +83,13 @@ def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
 
 
 def match_end(pattern: re.Pattern[str], text: str, start: int) -> int:
-    """The offset at which a match that begins at `start` ends; `start` itself if the pattern does not match there."""
+    """The end of a match at `start`; `start` itself if the pattern does not match there."""
     found = pattern.match(text, start)
     return found.end() if found is not None else start
 
 
 def character_name(character: str) -> str:
-    """Describe a character to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
+    """Describe a character for a person who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
 
@@ -98,12 +98,12 @@ _HALF = re.compile(r"\\u(d[c-f][0-9a-f]{2})")
 
 
 def escape_surrogates(path: str) -> str:
-    """A path as text that every file and message can hold: a byte that is not UTF-8 becomes `\\udce4`."""
+    """A path as text for any file and message: a byte that is not UTF-8 becomes `\\udce4`."""
     return path.encode("utf-8", "backslashreplace").decode()
 
 
 def restore_surrogates(text: str) -> str:
-    """Undo `escape_surrogates`. A file name that really contains such an escape is changed as well."""
+    """Undo `escape_surrogates`. A file name that really contains such an escape is changed, too."""
     return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
 
 

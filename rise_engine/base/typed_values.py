@@ -1,4 +1,4 @@
-"""Memory values as people read and type them: JSON, with bare words where they are unambiguous."""
+"""Memory values in the form in which people read and type them: JSON, with bare words if they are unambiguous."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ JSON_TYPES = (
 
 
 def format_value(value: Any) -> str:
-    """A memory value as it can be typed: JSON, but strings without quotation marks where that is unambiguous.
+    """A memory value in typed form: JSON, but strings without quotation marks if that is unambiguous.
 
     Invisible characters and those that could move the cursor are escaped; such a string is written as JSON.
     """

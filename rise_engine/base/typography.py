@@ -1,6 +1,6 @@
-"""Characters that word processors and chat programs substitute: curly quotation marks, and blanks of other widths.
+"""Characters that word processors and chat programs substitute: curly quotation marks, and special blanks.
 
-Parsers of formats that need the plain ones only say "Invalid value". These sentences name the character and the remedy.
+Parsers of formats that need the plain ones only report "Invalid value". These give the character and the remedy.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def straight_quote(character: str) -> str:
 
 
 def typography_problem(text: str, at: int, *, quote: str = "") -> str:
-    """Say what is wrong with the character at an offset if it is one of these; otherwise empty.
+    """Describe the character at an offset if it is one of these; otherwise empty.
 
     :param quote: the only quotation mark that the format has.
     """

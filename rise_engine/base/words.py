@@ -1,7 +1,7 @@
-"""Words to be removed and their replacements, found however a program has written them.
+"""Finds and replaces words, in all forms in which a program may have written them.
 
-A word is found in upper and lower case, in both of Unicode's forms of `ü`, behind the escapes of JSON (`\\u00fc`, also
-in JSON within a JSON text) and of XML (`&#252;`), and with any blanks between its parts.
+It finds upper and lower case, both of Unicode's forms of `ü`, and any blanks between parts of a word. It also finds the
+escapes of JSON (`\\u00fc`, also in JSON within a JSON text) and of XML (`&#252;`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _REPLACEMENT = re.compile(r"[A-Za-z0-9_]{1,40}")
 _MARKS = "\u0300-\u036f"
 """Combining marks, which turn a `u` into `ü` in Unicode's decomposed form."""
 _BEFORE = r"(?:(?<![\w])|(?<=\\[nrt]))"
-"""Where a word can begin: not within another word. The `n` of an escaped line end is not a letter of it."""
+"""Where a word can begin: not within another word. The `n` of an escaped line end is no letter of it."""
 _NO_QUOTES = str.maketrans("", "", "'\"\\")
 _AFTER = rf"(?![\w{_MARKS}])"
 _HALF_ESCAPE = re.compile(r"\\(?:u[0-9a-fA-F]{0,3})?$")
 
 
 class WordError(RiseError):
-    """A word cannot be replaced like this; the text says why, for a person."""
+    """A word cannot be replaced like this."""
 
 
 class Replacement(Struct, frozen=True):
@@ -39,7 +39,7 @@ class Replacement(Struct, frozen=True):
 
 
 def parse_replacement(text: str) -> Replacement:
-    """Read `Maria=NAME1`. The new name is what follows the last `=`. Raises WordError."""
+    """Read `Maria=NAME1`. The new name follows the last `=`. Raises WordError."""
     word, mark, name = text.rpartition("=")
     word, name = unicodedata.normalize("NFC", " ".join(word.split())), name.strip()
     if not mark:
@@ -62,7 +62,7 @@ class Words:
     def __init__(
         self, replacements: Iterable[Replacement], *, whole_words: bool = False, match_case: bool = False
     ) -> None:
-        """`whole_words`: do not replace them within longer words. `match_case`: only in the same case.
+        """`whole_words`: do not replace within longer words. `match_case`: only replace the same case.
 
         Raises WordError if replacements contradict one another.
         """
@@ -95,19 +95,19 @@ class Words:
         return self._pattern.search(text) is not None
 
     def may_find(self, text: str) -> bool:
-        """Like `find`, also within longer words. Fast enough to decide which lines of JSON need to be parsed."""
+        """Like `find`, also within longer words. Fast enough to decide which lines of JSON need parsing."""
         return self._anywhere.search(text) is not None
 
     def is_cut_off(self, text: str) -> bool:
-        """Whether a text may end within one of the words, as a line that was written half."""
+        """Whether a text may end within one of the words, like a half-written line."""
         end = unicodedata.normalize("NFC", _HALF_ESCAPE.sub("", text)).casefold()
         words = [each.word.casefold() for each in self.replacements]
         return any(end.endswith(word[:length]) for word in words for length in range(LEAST_CHARACTERS, len(word)))
 
     def mask(self, value: Any) -> Any:
-        """Prepare a JSON value for comparison with one in which the words were replaced. Replaces the words everywhere,
-        also within longer words, and makes objects sorted pairs. Leaves out quotation marks and backslashes, because a
-        program chooses them by the text between them."""
+        """Prepare a JSON value for comparison with one in which the words were replaced. Replaces them everywhere, also
+        within longer words, and makes objects sorted pairs. Removes quotation marks and backslashes, because programs
+        choose them depending on the text."""
         if isinstance(value, str):
             return self._anywhere.sub(self._name_of, value).translate(_NO_QUOTES)
         if isinstance(value, list):
@@ -134,7 +134,7 @@ class Words:
         return replaced
 
     def replace_in(self, value: Any) -> Any:
-        """Replace the words in a JSON value, keys included. Raises WordError if two keys would become the same."""
+        """Replace the words in a JSON value, including keys. Raises WordError if two keys would become equal."""
         if isinstance(value, str):
             return self.replace(value)
         if isinstance(value, list):
@@ -148,7 +148,7 @@ class Words:
 
 
 def word_pattern(word: str, *, match_case: bool = False) -> str:
-    """A regular expression that matches a word however it is written."""
+    """A regular expression that matches all forms of a word."""
     parts = []
     for part in word.split():
         parts.append("".join(_character_pattern(character, match_case=match_case) for character in part))
@@ -156,7 +156,7 @@ def word_pattern(word: str, *, match_case: bool = False) -> str:
 
 
 def _character_pattern(character: str, *, match_case: bool) -> str:
-    """A pattern for a character in every form in which it can be written."""
+    """A pattern for all forms of a character."""
     cases = {character}
     if not match_case:
         cases |= {character.lower(), character.upper(), character.title(), character.casefold()}

@@ -5,5 +5,5 @@
         if outcome.result == "asked":
             outcome = answer_check(outcome, yes=ask_somebody(outcome.question))
 
-Consoles and commands only show and ask. What a check does, and what its result means, is defined here.
+Consoles and commands only show and ask. This package defines what checks do and what their results mean.
 """

@@ -23,7 +23,7 @@ from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
 
 DEFAULT_SPACE = 1_000_000_000
-"""Bytes that must be free if `disk` does not set a number."""
+"""Bytes that must be free if `min` does not set a number."""
 TIMEDATECTL_SECONDS = 5.0
 NOBODYS_NAMES = frozenset(
     {
@@ -62,11 +62,11 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
 def look_at_clock(
     now: datetime, log: Sequence[LogEntry], sessions: Sequence[SessionEntry], synchronised: bool | None
 ) -> Finding:
-    """Check this computer's clock, as far as it can tell.
+    """Check this computer's clock for errors that it can detect.
 
     :param now: its time, with its zone.
     :param log: the entries of study.jsonl: none of them can be later than now.
-    :param sessions: the study's.
+    :param sessions: the study's sessions.
     :param synchronised: whether a time server sets it; None: unknown.
     """
     moments = [moment for text in (*(each.at for each in log), *(each.started for each in sessions))
@@ -103,7 +103,7 @@ def look_at_consent(needed: Sequence[str], participant: Participant | None, name
 
     :param needed: the names in `[consent] needed`.
     :param participant: the row of participants.csv; None: there is none.
-    :param name: the participant's.
+    :param name: the participant's name, for the reason.
     :param today: the local date.
     """
     if participant is None:
@@ -133,7 +133,7 @@ def look_at_participant(
 ) -> Finding:
     """Check whether a participant may take part now.
 
-    :param name: the participant's.
+    :param name: the participant.
     :param listed: participants.csv.
     :param standing: the participant's state in the study.
     :param run: the run that will begin; 0: their next one.
@@ -166,10 +166,10 @@ def look_at_participant(
 
 
 def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Finding:
-    """Check that the scenario is the one that the plan was made with (blocking: it reads the scenario).
+    """Check that the scenario has not changed since the plan was made (blocking: reads the scenario).
 
-    :param folder: that of the scenario that will run.
-    :param study: whose plan.
+    :param folder: the folder of the scenario that will run.
+    :param study: the study with the plan.
     :param log: the entries of study.jsonl; the last `planned` counts, with `scenarios`: hashes by folder.
     """
     planned = last_planned(log)
@@ -181,7 +181,7 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Fin
         (each for each in hashes if scenario_folder(study, each) == where), os.path.relpath(where, study.folder)
     )
     known = hashes.get(name)
-    loaded = load(folder, robot=study.robot or None)  # as the plan did, whatever robot today's session has
+    loaded = load(folder, robot=study.robot or None)  # like the plan, with the study's robot
     if loaded.scenario is None:
         return Finding(False, reason=f"the scenario `{name}` has errors: {loaded.errors[0]}")
     made = planned.at[:10]
@@ -199,9 +199,9 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Fin
 
 
 def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
-    """Check that the record will say who the wizard was.
+    """Check that the record will name the wizard.
 
-    :param name: as consoles give it.
+    :param name: the name that the console gives.
     :param wizards: the table `[wizards]`, by name; if it exists, it lists all wizards.
     """
     if not name.strip():

@@ -1,6 +1,5 @@
-"""The checks that a child process makes: of the robot (it answers, offers what the scenario needs, and can be heard),
-of the recorders, and of the last session. `main` makes one check, answers, and exits.
-"""
+"""Checks in a child process: the robot (its link, the needed actions, its voice), the recorders, the last session.
+`main` makes one check, answers and exits."""
 
 from __future__ import annotations
 
@@ -54,11 +53,11 @@ from rise_engine.study.model import RecorderSettings, RecordingSettings
 from rise_engine.study.recording_table import open_recorder
 
 ANSWER_SECONDS = 30.0
-"""How long to wait for the robot's answer."""
+"""Seconds for the robot's answer."""
 SETTLE_SECONDS = 1.0
-"""How long a link must stay unchanged: a second program of the same name may appear, or a part may go again."""
+"""Seconds without changes until the link counts as stable: a duplicate program may appear, or a part may go."""
 WORD_SECONDS = 40.0
-"""How long to wait for the end of the word."""
+"""Seconds for the end of the word."""
 _WORDS = """
     ar مرحبا  cs Ahoj  da Hej  de Hallo  el Γεια  en Hello  es Hola  fi Hei  fr Bonjour  he שלום  hi नमस्ते  it Ciao
     ja こんにちは  ko 안녕하세요  nb Hei  nl Hallo  pl Cześć  pt Olá  ru Здравствуйте  sv Hej  tr Merhaba  zh 你好
@@ -68,7 +67,7 @@ WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
 
 
 async def look_at_robot(request: ChildRequest) -> Finding:
-    """Check that the scenario's robot answers and offers every action that the scenario uses, without sending any."""
+    """Check that the scenario's robot answers and offers every action of the scenario. Sends no action."""
     try:
         scenario = _load(request)
         needed = needed_actions(scenario)
@@ -94,7 +93,7 @@ async def look_at_robot(request: ChildRequest) -> Finding:
 
 
 async def say_word(request: ChildRequest) -> Finding:
-    """Make the robot say a word, in a session that is not stored; a person says whether it was heard."""
+    """Make the robot say a word in a session that is not stored. A person then says whether it was heard."""
     try:
         scenario = _load(request)
         if why := why_not_speak(scenario):
@@ -102,7 +101,7 @@ async def say_word(request: ChildRequest) -> Finding:
         if _is_simulated(scenario):
             return Finding(True, "the robot is simulated: there is nothing to hear")
         word = word_for(scenario.language)
-        # Only the voice is needed: another check reports parts that are not there yet.
+        # Only the voice is needed; another check reports missing parts.
         profile = narrow_profile(scenario.robot, frozenset({sent_as(scenario.robot, SPEECH)}))
         async with _connected_robot(request, scenario, profile) as (robot, clock):
             ended = await _say(replace(scenario, robot=profile), robot, clock, word)
@@ -116,7 +115,7 @@ async def say_word(request: ChildRequest) -> Finding:
 
 
 def word_for(language: str) -> str:
-    """Return the word for a scenario's language; the English one if the language is unknown or not set."""
+    """Return the word for a scenario's language, by default the English one."""
     return WORDS.get(language.lower().partition("-")[0], WORDS["en"])
 
 
@@ -167,7 +166,7 @@ class _RobotChanges:
 async def _connected_robot(
     request: ChildRequest, scenario: Scenario, profile: RobotProfile
 ) -> AsyncIterator[tuple[Robot, RealClock]]:
-    """Open the robot as a session would, not connected yet, with its clock. Raises AdapterError."""
+    """Create the robot as a session would, not yet connected, with its clock. Raises AdapterError."""
     clock = RealClock(asyncio.get_running_loop())
     try:
         bridge = await open_bridge(request.ros, profile, scenario.mode)
@@ -204,8 +203,8 @@ async def _say(scenario: Scenario, robot: Robot, clock: RealClock, word: str) ->
 
 # --- recorders --------------------------------------------------------------------------------------------------------
 
-# Each records for three seconds, and its file must grow. Otherwise nobody would notice in time that a recorder reports
-# recording but writes nothing.
+# Each recorder records for three seconds, and its file must grow. Otherwise a recorder that claims to record but writes
+# nothing would be noticed too late.
 
 
 TEST_SECONDS = 3.0
@@ -222,13 +221,13 @@ class RecorderTrial(Struct, frozen=True):
     found: str = ""
     problem: str = ""
     left: str = ""
-    """Where the test file still is; empty: it was deleted, or there was none."""
+    """The path of the test file if it still exists; empty: it was deleted, or there was none."""
 
 
 async def look_at_recorders(request: ChildRequest) -> Finding:
     """Check that every recorder of the study records. Test files on this computer are deleted.
 
-    :param request: with the recorders.
+    :param request: the request with the recorders.
     """
     settings = request.recording or RecordingSettings()
     if not settings.recorders:
@@ -291,7 +290,7 @@ async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
 
 
 async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> float:
-    """Measure a recording's growth in bytes or seconds, also after its end; without a measure, it counts as growing."""
+    """Return a recording's growth in bytes or seconds, also after its end. Without a measure, it counts as growing."""
     whole = await asyncio.to_thread(recording_size, path)
     if first.bytes is not None:
         return max(whole or 0, last.bytes or 0) - first.bytes
@@ -301,7 +300,7 @@ async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> flo
 
 
 def _erase(path: str) -> str:
-    """Delete the test file; return where it still is; empty: it is gone."""
+    """Delete the test file. Returns its path if it still exists; empty: it is gone."""
     if not path:
         return ""
     place = Path(path).expanduser()
@@ -339,7 +338,7 @@ def look_at_last_session(sessions: Path) -> Finding:
 
 
 def last_session(sessions: Path) -> Path | None:
-    """Return the session that began last and does not run; None: there is none."""
+    """Return the session that began last and is not running; None: there is none."""
     found: list[tuple[datetime, Path]] = []
     with suppress(OSError):
         for folder in sessions.iterdir():
@@ -352,14 +351,14 @@ def last_session(sessions: Path) -> Path | None:
 def main() -> None:
     """Handle one request."""
     answer = os.dup(1)
-    os.dup2(2, 1)  # output that libraries print is not the answer
+    os.dup2(2, 1)  # output that libraries print must not mix with the answer
     request = msgspec.convert(restore_all_surrogates(msgspec.json.decode(sys.stdin.buffer.read())), ChildRequest)
     finding = _look(request)
     os.write(answer, encode(finding))
     os.close(answer)
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # does not wait for threads of a middleware that never end
+    os._exit(0)  # does not wait for threads that never end
 
 
 def _look(request: ChildRequest) -> Finding:

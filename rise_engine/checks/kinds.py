@@ -1,4 +1,4 @@
-"""Exploration and playthrough of every kind of session of a study: what is wrong in one condition, in one language.
+"""Explores and plays every kind of session of a study, to find problems in one condition or language.
 
 The results are stored beside the study, so that an unchanged study is explored only once.
 """
@@ -35,15 +35,15 @@ from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.review import review_study
 
 KEPT = ".kinds.json"
-"""In the study's folder; hidden, so that it is not published."""
+"""The file of results in the study's folder; hidden, so that it is not published."""
 _MOST_KEPT = 200
 _EVERYWHERE = frozenset(
     {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
 )
-"""Findings that hold only if they hold in every kind of session that runs the scenario."""
+"""Findings that hold only if every kind of session that runs the scenario has them."""
 _LEVELS: tuple[FindingLevel, ...] = ("problem", "warning", "remark")
 _NAMED = 3
-"""Number of kinds of session that a finding names."""
+"""Maximum number of kinds of session that a finding names."""
 
 
 class KindFinding(Struct, frozen=True):
@@ -74,11 +74,11 @@ class MergedFinding(Struct, frozen=True):
     """The same finding in one or several kinds of session."""
 
     finding: KindFinding
-    """Its form in the first of them."""
+    """Its form in the first kind."""
     kinds: tuple[str, ...]
     """The names of these kinds."""
     of: int
-    """How many kinds there are."""
+    """The number of all kinds."""
     first: tuple[int, int]
     """Its first occurrence: the index of the kind, and the index of the finding in it."""
 
@@ -103,7 +103,7 @@ class StudyLook(Struct, frozen=True):
     findings: tuple[MergedFinding, ...]
     """Problems first."""
     acts: int
-    """How many acts the scenarios of these kinds have."""
+    """The number of acts in the scenarios of these kinds."""
 
     @property
     def problems(self) -> int:
@@ -155,7 +155,7 @@ class StudyLook(Struct, frozen=True):
 def look_at_kinds(
     study: Study, kinds: Sequence[SessionKind], say: Callable[[str], None] = lambda sentence: None
 ) -> StudyLook:
-    """Explore and play each kind of session for a few seconds at most. Stored results of unchanged ones are used.
+    """Explore and play each kind of session for a few seconds at most. Unchanged kinds keep their stored results.
 
     :param study: the study, in whose folder the results are stored.
     :param kinds: from `rise_engine.study.participants`.
@@ -190,9 +190,9 @@ def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | 
     """Check that nothing gets stuck or fails in a session that will begin (`auto = "explored"`; blocking).
 
     :param study_folder: where the results are stored.
-    :param kind: the session's; None: every kind of the study.
-    :param robot: another robot than the scenario's; None: its own.
-    :param mode: the session's.
+    :param kind: the session's kind; None: every kind of the study.
+    :param robot: a robot instead of the scenario's; None: the scenario's.
+    :param mode: the session's mode.
     """
     review = review_study(study_folder)
     if review.study is None or review.errors:
@@ -250,7 +250,7 @@ def findings_of(
 def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
     """Merge the findings of all kinds, each once, problems first.
 
-    That something "never" happens counts only if it holds in every completely explored kind that runs the scenario.
+    A finding that something never happens counts only if every completely explored kind with the scenario has it.
 
     :param looks: for each kind, whether it was explored completely, and its findings.
     """
@@ -298,7 +298,7 @@ class _Kept(Struct, frozen=True):
 
     looks: dict[str, KindLook]
     sum: str
-    """Their check sum, because a result that somebody has changed is none."""
+    """The checksum of the results, which are ignored if somebody has edited them."""
 
 
 def _sum(looks: Mapping[str, KindLook]) -> str:

@@ -16,16 +16,16 @@ from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.participants import SessionKind
 
 NO = "somebody answered no"
-"""The reason of a failed question without a comment."""
+"""The reason of a question answered with no and without a comment."""
 
 
 def local_now() -> datetime:
-    """Return the time of this computer, with its zone."""
+    """Return this computer's time, with its zone."""
     return datetime.now().astimezone()
 
 
 class CheckContext(Struct, frozen=True):
-    """The session that checks are made for."""
+    """The session for which checks are made."""
 
     study: Study
     participant: str
@@ -35,9 +35,9 @@ class CheckContext(Struct, frozen=True):
     purpose: Purpose = "counted"
     run: int = 0
     robot: str | None = None
-    """Another robot than the scenario's."""
+    """A robot instead of the scenario's."""
     wizard: str = ""
-    """The name of the wizard who will have control, as consoles give it (`anna`)."""
+    """The wizard's name as consoles give it (`anna`)."""
     ros: RosConnection = RosConnection()
     kind: SessionKind | None = None
     """The kind of the session; None: no session will begin."""
@@ -51,11 +51,11 @@ class Finding(Struct, frozen=True):
 
     passed: bool
     value: str = ""
-    """What was found, in a few words: `34.1 GB free`."""
+    """The observation in a few words: `34.1 GB free`."""
     reason: str = ""
-    """Why it failed, in a sentence, which continues the value."""
+    """The reason of the failure, in a sentence that continues the value."""
     question: str = ""
-    """What a person has to confirm before it passes; empty: nothing."""
+    """A question that a person must confirm before it passes; empty: none."""
 
 
 OutcomeResult: TypeAlias = Literal["passed", "failed", "skipped", "asked"]
@@ -66,16 +66,16 @@ class CheckOutcome(Struct, frozen=True):
 
     id: str
     text: str
-    """What was checked."""
+    """The check in words."""
     result: OutcomeResult
-    """asked: somebody has to answer `question` (`answer_check`)."""
+    """asked: a person has to answer `question` (`answer_check`)."""
     value: str = ""
     reason: str = ""
     question: str = ""
 
     @property
     def found(self) -> str:
-        """What was found, and why it failed or was skipped, in a line; empty: there is nothing more to say."""
+        """The value and the reason in a line; empty: there is neither."""
         return ": ".join(filter(None, (self.value, self.reason)))
 
 
@@ -86,7 +86,7 @@ def make_outcome(check: StudyCheck, finding: Finding) -> CheckOutcome:
 
 
 def answer_check(outcome: CheckOutcome, yes: bool, comment: str = "") -> CheckOutcome:
-    """Apply somebody's answer to a check.
+    """Apply a person's answer to a check.
 
     :param outcome: one with the result `asked`.
     :param yes: whether `question` is true.
@@ -100,10 +100,10 @@ def answer_check(outcome: CheckOutcome, yes: bool, comment: str = "") -> CheckOu
 
 
 def skipped_check(check: StudyCheck, reason: str, found: CheckOutcome | None = None) -> CheckOutcome:
-    """Make the outcome of a check that somebody skips. `skip_problem` decides whether they may.
+    """Make the outcome of a check that a person skips. `skip_problem` decides whether this is allowed.
 
     :param check: the check.
-    :param reason: why, in their words.
+    :param reason: the reason in their words.
     :param found: an earlier outcome, which stays in the record.
     """
     reason = " ".join(reason.split())

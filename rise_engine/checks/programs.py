@@ -1,7 +1,7 @@
 """Programs that checks run: a study's own, `run = ["./check-tracker.sh"]`, and children of this program.
 
-A program gets no shell, no input and a time limit. It leads its own process group. At the limit, or when the caller
-gives up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
+A program gets no shell, no input and a time limit. It leads its own process group, which is ended at the limit, or when
+the caller gives up. All functions block; `rise_engine.checks.runner` calls them.
 
 A child makes a check that talks to robots or takes long, so that a hang or a crash does not affect the program that
 started it. It (`rise_engine.checks.devices`) reads one request from standard input and writes one `Finding` to standard
@@ -36,20 +36,20 @@ from rise_engine.study.model import RecordingSettings
 from rise_engine.study.participants import SessionKind
 
 TICK_SECONDS = 0.05
-"""Interval for noticing that the program has ended while something else still holds its output open."""
+"""Interval for noticing that the program has ended while another process still holds its output open."""
 GRACE_SECONDS = 1.0
-"""Time between the request to end (SIGTERM) and the forced end (SIGKILL)."""
+"""Seconds between the request to end (SIGTERM) and the forced end (SIGKILL)."""
 KEPT_BYTES = 65_536
-"""Limit of stored output; the rest is read and dropped, so that the program does not block."""
+"""Maximum bytes of stored output. Further output is read and dropped, so that the program does not block."""
 SHOWN_CHARACTERS = 200
-"""Limit of a line that becomes the value of a check."""
+"""Maximum length of a line that becomes the value of a check."""
 
 
 class ProgramEnd(Struct, frozen=True):
-    """How a program has ended."""
+    """How a program ended."""
 
     status: int | None
-    """The exit status; negative: the signal that ended it; None: it did not end in time, or the caller gave up."""
+    """The exit status; negative: the signal that ended it; None: it exceeded its limit, or the caller gave up."""
     output: bytes = b""
     errors: bytes = b""
     problem: str = ""
@@ -70,11 +70,11 @@ def run_program(
     Processes that it leaves running when it ends by itself continue: it may have started what it checks.
 
     :param arguments: the program and its arguments; a path is relative to the folder.
-    :param folder: where it runs.
+    :param folder: its working directory.
     :param limit: seconds after which its process group is ended.
     :param environment: added to this process' own.
     :param given: its standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
-    :param cancelled: set by another thread when nobody waits any more.
+    :param cancelled: set by another thread when the caller gives up.
     """
     until = monotonic() + limit
     try:
@@ -98,7 +98,7 @@ def run_program(
     try:
         while not pipes.all_closed and process.poll() is None and _may_go_on(until, cancelled):
             pipes.read(TICK_SECONDS)
-        while process.poll() is None and _may_go_on(until, cancelled):  # it has closed its output, and still runs
+        while process.poll() is None and _may_go_on(until, cancelled):  # it has closed its output but still runs
             with suppress(subprocess.TimeoutExpired):
                 process.wait(TICK_SECONDS)
         status = process.poll()
@@ -130,7 +130,7 @@ class _Pipes:
         return not self._selector.get_map()
 
     def read(self, timeout: float) -> bool:
-        """Read what is available, or wait for it; return whether there was anything."""
+        """Read the available output, or wait for it. Returns whether there was any."""
         events = self._selector.select(timeout)
         for key, _ in events:
             with suppress(BlockingIOError):
@@ -142,7 +142,7 @@ class _Pipes:
         return bool(events)
 
     def read_rest(self) -> None:
-        """Read what is in the pipes after the program's end, and not what other processes still write."""
+        """Read the rest of the output after the program's end, but not what other processes still write."""
         for _ in range(64):
             if self.all_closed or not self.read(0):
                 return
@@ -154,11 +154,11 @@ class _Pipes:
 
 
 def _end_group(process: subprocess.Popen[bytes]) -> None:
-    """End a program with all processes of its group: first ask, then by force."""
+    """End a program with all processes of its group: first politely, then by force."""
     _signal_group(process.pid, signal.SIGTERM)
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE_SECONDS)
-    _signal_group(process.pid, signal.SIGKILL)  # also those of the group that ignored SIGTERM
+    _signal_group(process.pid, signal.SIGKILL)  # also the processes that ignored SIGTERM
     with suppress(subprocess.TimeoutExpired):  # a process that hangs in the kernel stays
         process.wait(GRACE_SECONDS)
 
@@ -174,7 +174,7 @@ def _signal_group(group: int, number: signal.Signals) -> None:
 def look_with_program(
     arguments: Sequence[str], context: CheckContext, limit: float, cancelled: Event | None = None
 ) -> Finding:
-    """Run a study's own check (blocking): exit status 0 passes, and the first line of output is the value."""
+    """Run a study's own check (blocking). Exit status 0 passes; the first line of output is the value."""
     study = context.study
     if problem := program_problem(arguments, study.folder):
         return Finding(False, reason=problem)
@@ -202,7 +202,7 @@ def look_with_program(
 
 
 def first_line(output: bytes) -> str:
-    """Return the first line with text, safe to show; empty: there is none."""
+    """Return the first non-empty line, safe to show; empty: there is none."""
     for line in output.decode("utf-8", "replace").splitlines():
         if text := clean(line).strip():
             return text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 1]}…"
@@ -210,7 +210,7 @@ def first_line(output: bytes) -> str:
 
 
 def _start_problem(name: str, folder: Path, error: OSError | ValueError) -> str:
-    """Say why the system did not start a program."""
+    """Return why the system did not start a program."""
     if isinstance(error, ValueError):
         return f"{name} cannot be started: {error}"
     if not folder.is_dir():
@@ -245,7 +245,7 @@ class ChildRequest(Struct, frozen=True):
     """For `replay`: the study's folder of sessions."""
     study: str = ""
     session: SessionKind | None = None
-    """For `explored`: the study's folder, and the kind of session that will begin; None: every kind counts."""
+    """For `explored`: the kind of the session that will begin; None: every kind."""
     recording: RecordingSettings | None = None
     """For `recorder`: the recorders."""
     task: str = ""
@@ -255,12 +255,12 @@ class ChildRequest(Struct, frozen=True):
 def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:
     """Run a check in a child and return its finding (blocking).
 
-    :param request: what to check.
+    :param request: the request.
     :param limit: seconds after which the child is ended.
-    :param cancelled: set by another thread when nobody waits any more.
+    :param cancelled: set by another thread when the caller gives up.
     """
     arguments = [sys.executable, "-m", "rise_engine.checks.devices"]
-    # Use the folder of this process: in a checkout, the program is found from there.
+    # In a checkout, this process' folder is the one in which the program is found.
     end = run_program(arguments, Path.cwd(), limit, given=encode(request), cancelled=cancelled)
     if end.problem:
         return Finding(False, reason=end.problem)
@@ -275,5 +275,5 @@ def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None =
 
 
 def last_line(output: bytes) -> str:
-    """Return the last line with text, safe to show; for a traceback, the error."""
+    """Return the last non-empty line, safe to show; for a traceback, the error."""
     return next((text for line in reversed(output.splitlines()) if (text := first_line(line))), "")

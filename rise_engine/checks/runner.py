@@ -1,6 +1,6 @@
-"""The runner of checks: one call for any kind, with a limit. It never blocks, and never raises for what a check finds.
+"""The runner of checks: one call for any kind, with a time limit. It never blocks, and a failed check raises nothing.
 
-A check that takes long runs in the background.
+Long checks run in the background.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from rise_engine.study.study_log import LockedLog
 Result = TypeVar("Result")
 
 ENDING_SECONDS = 3.0
-"""Seconds after its limit in which the work may end what it has started."""
+"""Seconds after the limit in which the work may end what it has started."""
 
 
 class BackgroundExecutor(Executor):
-    """An executor with a new thread for each call, so that a disk that hangs blocks neither the loop nor the exit.
+    """An executor with a new thread for each call, so that a hanging disk blocks neither the loop nor the exit.
 
     The exit would wait for the threads of asyncio's own executor.
     """
@@ -45,7 +45,7 @@ class BackgroundExecutor(Executor):
                 return
             try:
                 result = function(*arguments, **named)
-            except BaseException as error:  # the caller gets it
+            except BaseException as error:  # passed on to the caller
                 future.set_exception(error)
             else:
                 future.set_result(result)
@@ -58,12 +58,12 @@ _EXECUTOR = BackgroundExecutor()
 
 
 async def call_in_background(work: Callable[[Event], Result], limit: float) -> Result:
-    """Call something that blocks, and wait without blocking.
+    """Run a blocking function in a thread, and wait without blocking the loop.
 
-    :param work: gets an event that is set when nobody waits any more, and then soon ends what it has started.
+    :param work: the function. It gets an event, which is set when the caller gives up; it must end soon after that.
     :param limit: seconds until the call gives up.
     :raises TimeoutError: it did not end within the limit, nor within ENDING_SECONDS after that.
-    :raises asyncio.CancelledError: the caller was cancelled; the work was told, and had ENDING_SECONDS to end.
+    :raises asyncio.CancelledError: the caller was cancelled; the event was set, and the work had ENDING_SECONDS to end.
     """
     cancelled = Event()
     future = asyncio.get_running_loop().run_in_executor(_EXECUTOR, work, cancelled)
@@ -81,7 +81,7 @@ async def call_in_background(work: Callable[[Event], Result], limit: float) -> R
         await asyncio.wait({future}, timeout=ENDING_SECONDS)
         raise
     finally:
-        future.cancel()  # a result that comes later is dropped
+        future.cancel()  # a later result is dropped
 
 
 def _take_exception(future: asyncio.Future[Any]) -> None:
@@ -95,24 +95,24 @@ _LOG = logging.getLogger(__name__)
 PROGRAM_SECONDS = 30.0
 LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0, "explored": 60.0}
 OTHER_SECONDS = 15.0
-"""For a check that only reads files."""
+"""Limit in seconds for a check that only reads files."""
 
 
 def limit_seconds(check: StudyCheck) -> float:
-    """Return how long a check may take: `limit` in study.toml, or the default of its kind."""
+    """Return the maximum seconds of a check: `limit` in study.toml, or the default of its kind."""
     if check.limit is not None:
         return check.limit
     return LIMITS.get(check.auto, OTHER_SECONDS) if check.auto else PROGRAM_SECONDS
 
 
 async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
-    """Make a check without blocking the loop, for its limit and some seconds at most.
+    """Make a check without blocking the loop, for its limit plus some seconds at most.
 
     :param check: the check.
     :param context: the session that it is made for.
-    :return: passed or failed; or `asked`, if somebody has to answer `question`: immediately for a check that asks,
+    :return: passed or failed; or `asked`, if a person has to answer `question`: immediately for a check that asks,
         after the word for `sound`.
-    :raises asyncio.CancelledError: the caller was cancelled; what the check had started is ended first.
+    :raises asyncio.CancelledError: the caller was cancelled; everything that the check had started was ended.
     """
     if check.ask:
         return make_outcome(check, Finding(True, question=check.ask))
@@ -169,7 +169,7 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
 
 
 def _decide_recording(context: CheckContext) -> RecordingDecision:
-    """Decide what to record: the test, too, records nobody who has not consented."""
+    """Decide what to record: the test, too, records only participants who have consented."""
     participants = read_state(Path(context.study.folder)).participants if context.participant else ()
     return decide_recording(context.study, participants, context.participant, context.purpose)
 
@@ -211,8 +211,8 @@ def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:
     """Make the session's report of a check.
 
     :param outcome: a final one, not `asked`.
-    :param source: who answered or skipped it, such as `wizard:anna`; by default the program itself.
-    :raises ValueError: nobody has answered it yet.
+    :param source: the person who answered or skipped it, such as `wizard:anna`; by default the program.
+    :raises ValueError: it was not answered yet.
     """
     if outcome.result == "asked":
         raise ValueError(f"{outcome.id} has not been answered")
@@ -235,7 +235,7 @@ def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
     fields = checked_fields(report, check.when, context.purpose)
-    if check.valid is None:  # a check that stays valid belongs to no participant: it outlives a withdrawal
+    if check.valid is None:  # a check that stays valid belongs to no participant, so a withdrawal does not remove it
         fields |= {"participant": context.participant, "run": context.run}
     if context.session:
         fields["session"] = context.session

@@ -1,4 +1,4 @@
-"""Parsing of a session's command line: its options, its first tasks, and its task file."""
+"""Parses a session's command line: its options, its first tasks, and its task file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rise_engine.scenario.model import Mode, Scenario
 def add_ros_parameters(
     own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Add options from ROS parameters (`-p robot:=pepper`, or in a file), with which ROS launches programs.
+    """Add options from ROS parameters (`-p robot:=pepper`, or in a file), as in ROS launch files.
 
     Ends the command if a parameter is invalid.
     """
@@ -56,7 +56,7 @@ def named_scenario(folder: str | None, *of_study: object) -> str:
     """Return the scenario of a session outside of a study. Ends the command if none is named.
 
     :param folder: as the user named it.
-    :param of_study: options that only a session of a study has.
+    :param of_study: options that are only allowed in a study.
     """
     if folder is None:
         exit_with_usage("name what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
@@ -68,10 +68,10 @@ def named_scenario(folder: str | None, *of_study: object) -> str:
 def session_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
     """Make the options of a session.
 
-    :param folder: the scenario's; empty: the study sets it.
-    :param speed: how many times faster.
-    :param ros: how ROS 2 is reached.
-    :param session: `options.SESSION_OPTIONS` and `--seed`, which have the names of the fields.
+    :param folder: the scenario's folder; empty: the study sets it.
+    :param speed: session seconds per second.
+    :param ros: the ROS 2 connection.
+    :param session: `options.SESSION_OPTIONS` and `--seed`, with the names of the fields.
     """
     if session["allow_untranslated"] and not session["language"]:
         exit_with_usage("--allow-untranslated goes with --language")
@@ -91,7 +91,7 @@ def load_for_session(options: SessionOptions) -> Scenario:
 
 
 def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
-    """Parse other places of acts, rules and memory, each written as `memory=PATH`."""
+    """Parse the places of acts, rules and memory, each written as `memory=PATH`."""
     paths = dict(each.partition("=")[::2] for each in options)
     for kind, path in paths.items():
         if kind not in ("acts", "rules", "memory") or not path.strip():
@@ -193,7 +193,7 @@ def apply_task_file(
     :param options: from the command line.
     :param file: the parsed file.
     :param path: its path, for messages.
-    :param mode: the session's.
+    :param mode: the session's mode.
     :param of_study: whether it is a session of a study, whose plan sets seed and condition.
     """
     if file.faults and mode == "real":
@@ -222,7 +222,7 @@ def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> Session
 
 
 def _standard_input() -> Iterator[bytes]:
-    """Yield all of standard input: `sys.stdin.buffer.read()` would notice some interrupts only at its end."""
+    """Yield all of standard input. (`sys.stdin.buffer.read()` would notice some interrupts only at its end.)"""
     descriptor = sys.stdin.fileno()
     while True:
         if select([descriptor], [], [], 0.5)[0]:

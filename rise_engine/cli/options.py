@@ -51,22 +51,22 @@ def is_study(path: Path) -> bool:
 
 
 def without_file(named: str | Path, file: str) -> Path:
-    """Return the folder, also if a file in it was named."""
+    """Return the folder, also if a file in it was given."""
     path = Path(named)
     return path.parent if path.name == file else path
 
 
 def _resolve_session(session: str) -> Path:
-    from rise_engine.session.folder import find_session  # which most commands do not need
+    from rise_engine.session.folder import find_session  # rarely needed
 
     with refusing(USAGE):
         return find_session(session)
 
 
 def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
-    """Make an argument that names something; the command gets what `resolve` makes of it.
+    """Make an argument with a name; the command gets the result of `resolve`.
 
-    `resolve` ends the command before anything else if there is nothing of that name.
+    `resolve` ends the command before anything else if the name is unknown.
     """
 
     def add(command: Command) -> Command:
@@ -154,7 +154,7 @@ SESSION_OPTIONS = (
     ),
     ROS,
 )
-"""How a session runs: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`.
+"""Options of a session: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`.
 
 `rise-tui` has the same options.
 """
@@ -163,7 +163,7 @@ BEGIN_OPTIONS = (
     click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
     click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable."),
 )
-"""How a session begins: `settings`, `rules`, `acts`."""
+"""Options of a session's beginning: `settings`, `rules`, `acts`."""
 STUDY_OPTIONS = (
     click.option(
         "--study",
@@ -179,7 +179,7 @@ STUDY_OPTIONS = (
         help="Choose one of the participant's runs. Default: the next.",
     ),
 )
-"""Which session of a study: `study`, `run_number`."""
+"""Options for a session of a study: `study`, `run_number`."""
 CHECK_OPTIONS = (
     click.option(
         "--confirm",
@@ -216,7 +216,7 @@ def number(
     """Make the type of an option that is a number from 0 on, or a word that becomes None.
 
     :param option: its name.
-    :param wanted: what it must be, in words.
+    :param wanted: the requirement in words.
     :param most: the maximum.
     :param above: the number must be larger than this; None: it may be 0.
     :param word: the word that is allowed instead.

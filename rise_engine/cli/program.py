@@ -1,7 +1,7 @@
-"""The program `rise-engine`; it loads each command only when it is used.
+"""The program `rise-engine`, which loads each command only when it is used.
 
-`check` must start fast, because editors and scripts run it all the time: it loads no engine, and a session's commands
-load no checker.
+`check` must start fast, because editors and scripts run it often: it loads no engine, and a session's commands load no
+checker.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def load_command(place: str) -> click.Command:
 
 
 class LazyGroup(click.Group):
-    """A group that knows where its commands are, and their lines of the help."""
+    """A group with the places of its commands and their lines of the help."""
 
     def __init__(self, *arguments: Any, sections: Mapping[str, Mapping[str, tuple[str, str]]], **more: Any) -> None:
-        """:param sections: the sections of the help: by the name of each command, where it is and what it does."""
+        """:param sections: the sections of the help: the place and the help line of each command, by its name."""
         super().__init__(*arguments, **more)
         self._sections = sections
         self.places = {name: place for section in sections.values() for name, (place, _) in section.items()}
@@ -142,7 +142,7 @@ class CommandGroup(LazyGroup):
         with clean_standard_streams():
             if own[:1] == ["serve"]:
                 serve = load_command(self.places["serve"])
-                arguments = import_module("rise_engine.cli.arguments")  # needs what `serve` needs
+                arguments = import_module("rise_engine.cli.arguments")  # needs the same as `serve`
                 own, ros_args = arguments.add_ros_parameters(own, ros_args, serve)
             return super().main(own, *rest, obj=ros_args, **more)
 
@@ -184,7 +184,7 @@ STUDY = {
     "status": ("rise_engine.cli.study.day:status", "Show participants, cells and what is left to do."),
     "withdraw": ("rise_engine.cli.study.withdraw:withdraw", "Erase everything about a participant."),
 }
-"""Every command of `rise-engine study`: its place, and its line of the help."""
+"""The commands of `rise-engine study`, each with its place and its line of the help."""
 
 
 @click.group("study", cls=LazyGroup, sections={"Commands": STUDY})

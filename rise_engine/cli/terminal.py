@@ -1,10 +1,10 @@
 """The output and the end of every command: standard output, standard error and the exit status.
 
 A whole program runs inside `clean_standard_streams`. There, text passes through `clean`, so that a title or a file name
-can neither move the cursor nor rename the window. Documents (`--json`, a schema) are written in another way: they keep
-every character, and write those that a terminal would obey as escapes of the format.
+can neither move the cursor nor rename the window. Documents (`--json`, a schema) keep every character, but write
+control characters as escapes of the format.
 
-A command that cannot do its work raises `Refused`.
+A command that fails raises `Refused`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _print(stream: TextIO, lines: Iterable[object]) -> None:
 
 
 def write_json(value: Any, *, indent: int = 2) -> None:
-    """Write a JSON document and a line end, in UTF-8 on every terminal: escapes for other encodings would spoil it.
+    """Write a JSON document and a line end, in UTF-8 on every terminal: other encodings would need invalid escapes.
 
     :param value: the content: JSON-like, or a Struct.
     :param indent: blanks for each level; 0: everything on one line; -1: without any blank.
@@ -77,7 +77,7 @@ def write_xml(text: str) -> None:
 
 
 def escape_json(data: bytes) -> bytes:
-    """Escape everything in JSON that a terminal would obey or that is invisible; the values stay the same."""
+    """Escape invisible and control characters in JSON; the values stay the same."""
     if data.isascii() and b"\x7f" not in data:
         return data
     return escape_unseen_json(data.decode("utf-8", "backslashreplace")).encode()
@@ -106,14 +106,14 @@ def standard_output() -> Iterator[BinaryIO]:
 
 
 class Refused(click.ClickException):
-    """The end of a command, with lines on standard error and an exit status."""
+    """Ends a command, with lines on standard error and an exit status."""
 
     def __init__(
         self, *problems: str, status: int = REFUSED, findings: Iterable[object] = (), hints: Iterable[str] = ()
     ) -> None:
-        """:param problems: what is wrong, a sentence each; each gets the prefix `error: `.
+        """:param problems: one sentence for each problem; each gets the prefix `error: `.
         :param status: the exit status.
-        :param findings: lines before the problems, each of which says itself what is wrong and where.
+        :param findings: complete messages with their places, before the problems.
         :param hints: lines after the problems.
         """
         self.lines = [*map(str, findings), *(f"error: {each}" for each in problems), *hints]
@@ -122,7 +122,7 @@ class Refused(click.ClickException):
 
     @classmethod
     def of(cls, error: RiseError, status: int = REFUSED, *, where: str = "") -> Refused:
-        """Turn an error into a refusal; `where` is the subject of its sentences, if they do not name it."""
+        """Turn an error into a refusal. `where`: the subject of its sentences, if they lack it."""
         if isinstance(error, FileError):
             return cls(status=status, findings=error.lines)
         return cls(*(f"{where}: {line}" if where else line for line in error.lines), status=status)
@@ -143,7 +143,7 @@ def refusing(status: int, *, of: type[RiseError] = RiseError, where: str = "") -
 
     :param status: the exit status.
     :param of: the kind of error.
-    :param where: the subject of the error's sentences, if they do not name it.
+    :param where: the subject of the error's sentences, if they lack it.
     """
     try:
         yield
@@ -172,7 +172,7 @@ def reason_of(error: OSError) -> str:
 class CleanStream:
     """A text stream that passes only printable characters, line ends and tabs; otherwise like the stream itself.
 
-    A failing standard output raises Refused. A failing standard error is ignored, because nobody could read a message.
+    A failing standard output raises Refused. A failing standard error is ignored, because no message could be shown.
     """
 
     def __init__(self, stream: TextIO, *, may_fail: bool) -> None:
@@ -208,7 +208,7 @@ class CleanStream:
 
 @contextmanager
 def clean_standard_streams() -> Iterator[None]:
-    """Make standard output and error clean within the block; their failures become a sentence.
+    """Clean standard output and error within the block; their failures become a sentence.
 
     Characters that a terminal cannot show become escapes (`\\xe9`, `\\udcff`), and never make a command fail.
     """
@@ -217,7 +217,7 @@ def clean_standard_streams() -> Iterator[None]:
         try:
             yield
         except SystemExit as ended:
-            if ended.code == NOT_WRITTEN:  # this failure has been reported already
+            if ended.code == NOT_WRITTEN:  # this failure is already reported
                 with suppress(Refused):
                     sys.stdout.flush()
                 discard_rest(sys.stdout)

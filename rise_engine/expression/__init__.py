@@ -1,6 +1,6 @@
 """The language of conditions and assignments: parsed once at load, compiled to closures, then evaluated.
 
-Pure: no side effects, no clock, no randomness of its own, no input or output.
+Pure: no side effects, clock, own randomness, input or output.
 """
 
 from rise_engine.expression.assignment import Assignment, assigned_entry

@@ -16,12 +16,12 @@ from rise_engine.expression.tokens import KEY, MAX_LENGTH, RESERVED, check_key, 
 
 _BLANKS = re.compile(r"\s*")
 MAX_BYTES = 100_000
-"""The largest list or object that an assignment to a part, or with a part or a list function, makes, as JSON."""
+"""Maximum JSON size of a list or object that an assignment to a part, or with a part or a list function, makes."""
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
 
 
 class Assignment:
-    """One value for one key, or for a part of its value. Immutable; equal when text and key are equal.
+    """One value for one key, or for a part of its value. Immutable; equal if text and key are equal.
 
     The right side is an `expression` or, if that is None, the JSON value `literal`.
     """
@@ -31,9 +31,9 @@ class Assignment:
     text: str
     """As written; several assignments can come from one text (`parse_all`)."""
     key: str
-    """The key that is set, dots included; `assigned_entry` says what a dotted key means."""
+    """The key that is set, with its dots; see `assigned_entry`."""
     target: Expression | None
-    """The left side if it has an index, such as `items[i].done`: the part of the value of `key` that is set."""
+    """The left side if it has an index, such as `items[i].done`: the part of the key's value that is set."""
     expression: Expression | None
     literal: Json
 
@@ -83,14 +83,14 @@ class Assignment:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The memory keys that the right side or an index on the left reads. A bare word on the right is included,
-        because it may be a key."""
+        """The memory keys that the right side or an index on the left reads. A bare word on the right counts, because
+        it may be a key."""
         keys = self.expression.keys if self.expression is not None else frozenset()
         return keys if self.target is None else keys | (self.target.keys - self.target.keys_of_parts_only)
 
     @property
     def bare_word(self) -> str | None:
-        """The right side if it is one single word: a key, or a text that its author did not quote."""
+        """The right side if it is a single word: a key, or a text without quotation marks."""
         return self.expression.bare_key if self.expression is not None else None
 
     def entry(
@@ -106,7 +106,7 @@ class Assignment:
         Arguments:
             env: the source of the values for the right side, then for the indexes on the left.
             known_keys: as for `evaluate`.
-            memory: the memory that gets the value, if it is not the memory of `env`. It is not changed here.
+            memory: the memory that gets the value, if it is not that of `env`. It is not changed here.
             limited: always limit the size of the value, not only with an index or a list function.
 
         Raises EvaluationError, as `evaluate` and `assigned_entry` do; MissingPartError for a missing part on the left.
@@ -115,7 +115,7 @@ class Assignment:
         memory = env.memory if memory is None else memory
         if self.target is not None:
             part = self.target.compiled_part
-            assert part is not None  # _read_left_side takes nothing else
+            assert part is not None  # _read_left_side accepts nothing else
             key, value = part.assign(memory, value, env)
         else:
             key, value = assigned_entry(memory, self.key, value)
@@ -129,10 +129,10 @@ class Assignment:
             raise EvaluationError(message, self.text)
 
     def evaluate(self, env: Environment, known_keys: Collection[str] = frozenset()) -> Json:
-        """Return the value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
+        """Return the value to store. Raises EvaluationError, also for NaN and infinity.
 
-        A bare word that is neither in the memory nor in `known_keys` (the keys that anything in the scenario sets) is
-        a text. A known key without a value gives null and is reported as missing.
+        A bare word that is neither in the memory nor in `known_keys` (the keys that the scenario sets) is a text. A
+        known key without a value gives null and is reported as missing.
         """
         if self.expression is None:
             return self.literal
@@ -161,12 +161,12 @@ class Assignment:
 
 
 def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
-    """Return the top-level key that changes when `key` is set, and its new value. The memory itself is not changed.
+    """Return the top-level key that changes if `key` is set, and its new value. The memory itself is not changed.
 
     A dotted key sets the flat key of that name, unless that does not exist and its first part is an object or a list.
-    Then it reaches in, as reading does: the new value of the first part is a copy with `value` inside. Missing objects
-    on the path are made. Raises EvaluationError if the path leads through another value or beyond the end of a list,
-    or if lists and objects would be nested more than MAX_LEVELS deep.
+    Then it sets a part, as reading does: the new value of the first part is a copy with `value` inside. Missing objects
+    on the path are created. Raises EvaluationError if the path leads through another value or beyond the end of a list,
+    or exceeds MAX_LEVELS.
     """
     head, *rest = key.split(".")
     if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):
@@ -204,7 +204,7 @@ def _index_or_name(container: Json, part: str, path: str, key: str) -> str | int
 
 
 def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]:
-    """Read the left side: the key, the part of its value if there is an index, and the offset after the `=`."""
+    """Read the left side: the key, the part of its value (with an index), and the offset after the `=`."""
     match = KEY.match(text, start)
     if match is None:
         if start == len(text):

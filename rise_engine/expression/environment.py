@@ -39,15 +39,15 @@ class AskedSituation(Protocol):
         """Whether a rule runs."""
 
     def act_runs(self, act: str) -> bool:
-        """Whether an act runs, at least once."""
+        """Whether an act runs at least once."""
 
     def act_waits(self, act: str) -> bool:
-        """Whether an act waits to be run, at least once."""
+        """Whether an act waits at least once."""
 
 
 @dataclass(slots=True, eq=False)
 class Environment:
-    """The argument of a compiled expression. Build it once, keep it, and change the memory behind it."""
+    """The argument of a compiled expression. Build it once, and change its memory."""
 
     memory: Mapping[str, Json]
     """A plain dict in the engine."""
@@ -60,7 +60,7 @@ class Environment:
     parts: dict[str, Json] | None = None
     """Collects parts that are read (`items[i].text`) with their values, null if missing; None: not collected."""
     situation: AskedSituation | None = None
-    """Answers `in`, `rule`, `runs` and `waits`. None, as while a session runs: they are an evaluation error."""
+    """Answers `in`, `rule`, `runs` and `waits`. None, as in sessions: they are an evaluation error."""
 
     def value_of_absent_key(self, key: str, default: Json) -> Json:
         """Return the value of a key that is not a flat key: from within an object, or else `default` after a report."""
@@ -77,7 +77,7 @@ def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
     """Return whether a key exists, and its value (else None).
 
     A flat key comes first: `person.name` may be one key. Otherwise the first part is a key, and each further part
-    reaches into its value: a name into an object, a whole number (`list.0`) into a list.
+    selects from its value: a name from an object, a whole number (`list.0`) from a list.
     """
     if key in memory:
         return True, memory[key]
@@ -102,7 +102,7 @@ def reach_into(value: Json, part: str) -> tuple[bool, Json]:
 
 
 def list_index(items: list[Json], part: str) -> int | None:
-    """The index in a list that a part of a key means, or None if there is no such entry."""
+    """The list index that a part of a key means; None: there is no such entry."""
     if not (part.isascii() and part.isdigit() and len(part) < 10):
         return None
     index = int(part)
@@ -113,7 +113,7 @@ def list_index(items: list[Json], part: str) -> int | None:
 
 
 def is_true(value: Json) -> bool:
-    """Whether a number is above 0, or a string, list or object is not empty; null never is."""
+    """Whether a number is above 0, or a string, list or object is not empty; null is false."""
     if value.__class__ is bool:
         return bool(value)
     if isinstance(value, (int, float)):
@@ -122,7 +122,7 @@ def is_true(value: Json) -> bool:
 
 
 def nesting_levels(value: Json) -> int:
-    """How deep lists and objects are nested. Stops counting just beyond MAX_LEVELS."""
+    """The nesting depth of lists and objects. Stops counting just beyond MAX_LEVELS."""
     layer = [value]
     for level in range(MAX_LEVELS + 1):
         layer = [
@@ -145,7 +145,7 @@ def to_double(value: int | float) -> float:
 
 
 def native_number(value: float) -> int | float:
-    """A result as the memory keeps it: whole numbers are integers as long as they fit into 64 bits."""
+    """A result in the memory's form: whole numbers are integers as long as they fit into 64 bits."""
     if -9223372036854775808.0 <= value < 9223372036854775808.0 and value == (whole := int(value)):
         return whole
     return value
@@ -175,7 +175,7 @@ def absent_equals(other: Json) -> bool:
 
 
 def contains(whole: Json, part: Json) -> bool:
-    """Whether a string contains a string, a list an entry, an object a key. Raises TypeError for anything else."""
+    """Whether a string contains a string, a list an entry, an object a key. Raises TypeError for other values."""
     if whole is MISSING:
         return isinstance(part, str) and not part if part is not MISSING else True
     if part is MISSING:

@@ -7,9 +7,9 @@ from rise_engine.base.nearest_name import Correction
 
 
 class LanguageError(RiseError, ValueError):
-    """An expression or an assignment that cannot be used.
+    """An expression or an assignment cannot be used.
 
-    `message` says what is wrong, in one sentence without the remedy; `text` is the source.
+    `message` describes the error in one sentence, without the remedy; `text` is the source.
     """
 
     def __init__(self, message: str, text: str) -> None:
@@ -26,10 +26,10 @@ class LanguageError(RiseError, ValueError):
 
 
 class ExpressionError(LanguageError):
-    """A text that is not an expression (or no assignment). Raised when it is parsed, never later.
+    """A text is not an expression (or no assignment). Raised by parsing, never later.
 
-    `column` counts from 1 within `text`; one past the end means that something is missing there. `hint` is a remedy
-    for the author, or empty. `suggestion` is the replacement for a wrong word, if that is the remedy.
+    `column` counts from 1 within `text`; one past the end means that a part is missing there. `hint` is a remedy for
+    the author, or empty. `suggestion` is the replacement for a wrong word, if that is the remedy.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class ExpressionError(LanguageError):
 
 
 class EvaluationError(LanguageError):
-    """A value of this moment does not fit the expression: a text is added, a number has no beginning, ..."""
+    """A value does not fit the expression: a text is added, a number has no beginning, ..."""
 
     def __str__(self) -> str:
         if _normalize(f"`{self.text}`") in _normalize(self.message):  # the message already quotes it
@@ -56,8 +56,7 @@ class EvaluationError(LanguageError):
 
 
 class MissingPartError(EvaluationError):
-    """`items[i].text` names a part that is not there: no such key, entry or name. The message begins with the word that
-    records use for it (`MISSING_PART`)."""
+    """`items[i].text` names a missing part: no such key, entry or name. The message begins with `MISSING_PART`."""
 
 
 MISSING_PART = "missing-part"

@@ -1,4 +1,4 @@
-"""An expression: a text that has been read once and can be evaluated many times (semantics.md 8)."""
+"""An expression: a text that is parsed once and evaluated many times (semantics.md 8)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rise_engine.expression.parts import PartReader
 
 
 class Expression:
-    """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is equal.
+    """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal if its text is equal.
 
     `compiled_condition` and `compiled_value` are closures that are built at first use. To evaluate often, keep an
-    `Environment` and call them directly. They raise only EvaluationError, when a value does not fit.
+    `Environment` and call them directly. They raise only EvaluationError, if a value does not fit.
     """
 
     text: str
@@ -26,8 +26,8 @@ class Expression:
     keys: frozenset[str]
     """The memory keys that it reads, dotted ones whole. For `items[i].text` these are `items` and `i`."""
     constants: frozenset[str]
-    """The constants that it uses: pi, e, r2d, d2r. Nobody needs to set them, so they are not in `keys`. But a memory
-    key of the same name hides them, so whoever waits for changes of `keys` must wait for these too."""
+    """The constants that it uses: pi, e, r2d, d2r. They need no value, so they are not in `keys`. But a memory key of
+    the same name hides them, so code that waits for changes of `keys` must also wait for these."""
     root: nodes.Node
     """The syntax tree."""
 
@@ -63,12 +63,12 @@ class Expression:
 
     @cached_property
     def compiled_condition(self) -> Callable[[Environment], bool]:
-        """The closure that returns whether it holds."""
+        """A closure that returns whether it holds."""
         return ExpressionCompiler(self.text).compile_condition(self.root)
 
     @cached_property
     def compiled_value(self) -> Callable[[Environment], Json]:
-        """The closure that returns its value in its own type. The memory owns lists and objects: never change them."""
+        """A closure that returns its value in its own type. The memory owns lists and objects: never change them."""
         return ExpressionCompiler(self.text).compile_value(self.root)
 
     @cached_property
@@ -85,12 +85,12 @@ class Expression:
 
     @cached_property
     def keys_read(self) -> frozenset[str]:
-        """The members of `keys` whose value it reads. For the others it only tests whether they are `defined`."""
+        """The members of `keys` whose value it reads. It only tests whether the others are `defined`."""
         return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
 
     @cached_property
     def keys_of_parts_only(self) -> frozenset[str]:
-        """The members of `keys` that it only reads in parts, such as `items` in `items[i].text`."""
+        """The members of `keys` of which it only reads parts, such as `items` in `items[i].text`."""
         if "[" not in self.text:
             return frozenset()
         every = [node for node, _ in nodes.walk(self.root)]
@@ -128,7 +128,7 @@ class Expression:
 
     @property
     def bare_key(self) -> str | None:
-        """The key, if the expression is nothing but a key (also in brackets)."""
+        """The key, if the expression is only a key (also in brackets)."""
         return self.root.name if isinstance(self.root, nodes.Key) else None
 
     def as_condition(
@@ -138,7 +138,7 @@ class Expression:
         missing: MutableSet[str] | None = None,
         below: Callable[[int], int] | None = None,
     ) -> bool:
-        """Return whether it holds with these memory values. Raises EvaluationError when a value does not fit.
+        """Return whether it holds with these memory values. Raises EvaluationError if a value does not fit.
 
         `rand` returns numbers in [0, 1), `below` whole numbers below its argument. Without them, `rand(...)` and
         `shuffle(...)` raise EvaluationError. Missing keys are added to `missing`.

@@ -1,8 +1,8 @@
 """The functions of the language: those of RISE's parser, with the results of IEEE arithmetic instead of exceptions.
 
 All take and return doubles. A domain error gives NaN and an overflow gives infinity, as in the C library. `rand`,
-`length`, `lower`, `defined` and the functions that return lists need more than numbers: their arity is here, and
-their code is in the modules `compiler` and `operators`.
+`length`, `lower`, `defined` and the functions that return lists need more than numbers: their arity is here, their code
+in the modules `compiler` and `operators`.
 
 The signatures describe every function for `rise-engine eval --functions`, for messages, and for
 docs/reference/conditions.md, which a test compares with them.
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 
 class Signature(NamedTuple):
-    """A function as a person writes it."""
+    """A function in written form."""
 
     name: str
     written: tuple[str, ...]
@@ -128,7 +128,7 @@ CONSTANTS = {"pi": math.pi, "e": math.e, "r2d": 180 / math.pi, "d2r": math.pi / 
 """Multiply by `r2d` to turn radians into degrees, by `d2r` for the reverse. A memory key of that name hides them."""
 
 ANY_NUMBER_OF_ARGUMENTS = 1000
-"""Upper bound for functions that take any number of arguments."""
+"""Maximum number of arguments of functions that accept any number."""
 
 
 def divide(a: float, b: float) -> float:
@@ -230,7 +230,7 @@ ARITY: dict[str, tuple[int, int]] = {
     "lower": (1, 1),
     "defined": (1, 1),
 }
-"""The least and largest number of arguments of every function that an expression can call."""
+"""The minimum and maximum number of arguments of every function of expressions."""
 
 SITUATION_ARITY = {"in": 2, "rule": 1, "runs": 1, "waits": 1}
 """The functions that only a property of a study can call, with their number of names."""

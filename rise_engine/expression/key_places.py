@@ -1,5 +1,4 @@
-"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties: for renaming
-and for lists of uses."""
+"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties."""
 
 from __future__ import annotations
 
@@ -24,12 +23,12 @@ class KeyPlace(NamedTuple):
     """A memory key in a text."""
 
     key: str
-    """As written, dots included. In `items[i].text`, `items` and `i` each have their own place."""
+    """As written, with its dots. In `items[i].text`, `items` and `i` have separate places."""
     start: int
     is_set: bool = False
-    """It gets a value there."""
+    """Whether it gets a value there."""
     may_be_text: bool = False
-    """It is the whole right side of an assignment: a key, or a text without quotation marks."""
+    """Whether it is the whole right side of an assignment: a key, or a text without quotation marks."""
 
 
 class AskedName(NamedTuple):
@@ -46,7 +45,7 @@ class AskedName(NamedTuple):
 
 
 def names_in_property(text: str) -> Iterator[AskedName]:
-    """Yield the names in a property with their places; nothing if it cannot be read.
+    """Yield the names in a property with their places; none if it cannot be read.
 
     >>> [(each.kind, each.name, each.start) for each in names_in_property("runs('R_Yes') and in('Main', 'Start')")]
     [('act', 'R_Yes', 6), ('rule', 'Main', 22), ('state', 'Start', 30)]
@@ -72,7 +71,7 @@ def names_in_property(text: str) -> Iterator[AskedName]:
 
 
 def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
-    """Yield the keys of an expression or a property with their places; nothing if it cannot be read.
+    """Yield the keys of an expression or a property with their places; none if it cannot be read.
 
     :param start: the offset of the expression, which is added to the places.
 
@@ -107,7 +106,7 @@ def keys_in_assignment(text: str) -> Iterator[KeyPlace]:
     behind = match_end(KEY, text, start)
     if assignment.target is not None:
         behind = start + len(assignment.target.text)
-        # The first key is the one that is set.
+        # the first key is the one that is set
         yield from list(keys_in_expression(assignment.target.text, start))[1:]
     at = text.index("=", behind) + 1
     if assignment.expression is not None:
@@ -125,7 +124,7 @@ def _keys_of_object(text: str, start: int) -> Iterator[KeyPlace]:
 
 
 def keys_in_slots(text: str) -> Iterator[KeyPlace]:
-    """Yield the keys in the braces of a text, even if the text has mistakes.
+    """Yield the keys in the braces of a text, even if the text has errors.
 
     >>> [(each.key, each.start) for each in keys_in_slots('{{no}} {", "who} {items[n + 1].text|x}')]
     [('who', 12), ('items', 18), ('n', 24)]

@@ -12,7 +12,7 @@ class Literal(NamedTuple):
 
 
 class Key(NamedTuple):
-    """A memory key, dots included."""
+    """A memory key, with its dots."""
 
     name: str
 
@@ -134,7 +134,7 @@ def children(node: Node) -> Iterator[Node]:
 
 
 def walk(node: Node) -> Iterator[tuple[Node, int]]:
-    """Yield every node of a tree with its level, from 1. Does not recurse, so any tree can be walked."""
+    """Yield every node of a tree with its level, from 1. Not recursive, so it can walk any tree."""
     waiting = [(node, 1)]
     while waiting:
         node, level = waiting.pop()
@@ -148,12 +148,12 @@ def depth(node: Node) -> int:
 
 
 def read_keys(node: Node) -> frozenset[str]:
-    """The keys whose value is read anywhere in a tree."""
+    """The keys whose value the tree reads."""
     return frozenset(each.name for each, _ in walk(node) if isinstance(each, Key))
 
 
 def may_join(node: Node) -> bool:
-    """Whether a node may be texts that `+` joins: a sum without a part that is certainly a number."""
+    """Whether `+` may join texts in a node: a sum without a part that is certainly a number."""
     return (
         isinstance(node, Chain)
         and all(sign == "+" for sign, _ in node.rest)
@@ -204,7 +204,7 @@ def with_all_brackets(node: Node) -> str:
 
 
 def literal_text(value: bool | int | float | str | None) -> str:
-    """A literal as it can be written in an expression."""
+    """A literal in the form of an expression."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -215,7 +215,7 @@ def literal_text(value: bool | int | float | str | None) -> str:
 
 
 def number_text(value: int | float) -> str:
-    """A number with a point and, if possible, without an exponent sign, which RISE's parser cannot read."""
+    """A number with a point and, if possible, without an exponent sign, which RISE's parser does not accept."""
     text = repr(value)
     if "e-" in text:
         plain = f"{value:.30f}".rstrip("0")

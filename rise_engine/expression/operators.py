@@ -1,9 +1,9 @@
 """Compiled operators: truth, comparisons and arithmetic. Operands are closures of one argument, the environment.
 
-Also the functions that return lists: `range`, `shuffle`, `sample`, `latin` (semantics.md 8.6).
+It also has the functions that return lists: `range`, `shuffle`, `sample`, `latin` (semantics.md 8.6).
 
-`below(n)` returns a random whole number from 0 up to n, exclusive. How often and in which order it is called must stay
-the same, so that sessions can be replayed.
+`below(n)` returns a random whole number from 0 up to n, exclusive. The number and order of its calls must stay the
+same, so that sessions can be replayed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rise_engine.expression.functions import divide
 # --- lists ------------------------------------------------------------------------------------------------------------
 
 MAX_ENTRIES = 10_000
-"""The longest list that one of these functions takes or returns."""
+"""Maximum length of a list that one of these functions accepts or returns."""
 _LARGEST = 2**53
 """The largest whole number up to which all doubles are exact."""
 LIST_FUNCTIONS = frozenset({"range", "shuffle", "sample", "latin"})
@@ -29,7 +29,7 @@ Below = Callable[[int], int]
 
 
 def shuffle(entries: list[Any], below: Below) -> list[Any]:
-    """All entries in random order: Fisher and Yates, from the end. Draws one number less than there are entries."""
+    """All entries in random order (Fisher and Yates, from the end). Draws one number less than there are entries."""
     result = entries.copy()
     for last in range(len(result) - 1, 0, -1):
         picked = below(last + 1)
@@ -38,7 +38,7 @@ def shuffle(entries: list[Any], below: Below) -> list[Any]:
 
 
 def sample(entries: list[Any], count: int, below: Below) -> list[Any]:
-    """`count` different entries in the order in which they were drawn. Draws one number for each."""
+    """`count` different entries in the order of drawing. Draws one number for each."""
     rest = entries.copy()
     result = []
     for _ in range(count):
@@ -146,7 +146,7 @@ _STEPS: dict[str, Callable[[float, float], float]] = {
 
 
 def compile_logic(symbol: str, operands: list[Condition]) -> Condition:
-    """Compile `or`, `xor` or `and` of two or more conditions. `and` and `or` stop once the result is known."""
+    """Compile `or`, `xor` or `and` of several conditions. `and` and `or` stop once the result is known."""
 
     def every(env: Environment) -> bool:
         for operand in operands:  # noqa: SIM110  # `all()` with a generator takes three times as long
@@ -167,7 +167,7 @@ def compile_logic(symbol: str, operands: list[Condition]) -> Condition:
 
 
 def compile_comparison(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Condition:
-    """Compile any comparison. For values that do not fit, it raises the error that `refuse` makes."""
+    """Compile any comparison. `refuse` makes the error for values that do not fit."""
     if symbol == "==":
         return lambda env: equal(left(env), right(env))
     if symbol == "!=":

@@ -1,4 +1,4 @@
-"""The parser's messages about probable mistakes. None of this runs for a correct expression."""
+"""The parser's messages about probable mistakes, used only for incorrect expressions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def wrong_case_error(text: str, token: Token) -> ExpressionError:
 
 
 def too_deep_error(text: str, start: int) -> ExpressionError:
-    """Brackets or operators are nested too deeply."""
+    """The error for brackets or operators that are nested too deeply."""
     return ExpressionError(
         "the expression is nested too deeply", text, start + 1, "split it: assign parts of it to keys of their own"
     )
@@ -58,7 +58,7 @@ def chained_comparison_error(text: str, first: Compare, following: Token) -> Exp
 
 
 def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
-    """A value is missing at this token."""
+    """The error for a missing value at this token."""
     token = tokens[at]
     column = token.start + 1
     before = tokens[at - 1] if at else None
@@ -88,7 +88,7 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
 
 
 def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening: Token) -> ExpressionError:
-    """A bracket is not closed at this token: it is missing, or another token is in its place."""
+    """The error for an unclosed bracket at this token: it is missing, or another token is in its place."""
     if tokens[at].kind == "end" or tokens[at].kind in (")", "]"):
         closing = {"(": ")", "[": "]"}[opening.kind]
         return ExpressionError("this bracket is not closed", text, opening.start + 1, f"add `{closing}`")
@@ -96,7 +96,7 @@ def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening:
 
 
 def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
-    """A complete expression is followed by something that is not an operator."""
+    """The error for a complete expression that is followed by a token other than an operator."""
     token = tokens[at]
     column = token.start + 1
     before = tokens[at - 1]
@@ -139,7 +139,7 @@ def _wrong_operator(text: str, start: int, written: str, meant: str) -> Expressi
 
 
 def unknown_function_error(text: str, token: Token, *, of_property: bool = False) -> ExpressionError:
-    """A name before a bracket is not a function (RISE's parser would drop the name)."""
+    """The error for an unknown function before a bracket (RISE's parser would drop the name)."""
     name: str = token.value
     suggestion = None
     if is_reserved_in_wrong_case(name):
@@ -163,7 +163,7 @@ def situation_unknown_error(text: str, token: Token) -> ExpressionError:
 
 
 def situation_names_error(text: str, token: Token, wrong: Token) -> ExpressionError:
-    """`in(Main, Start)`, `runs()`: a name is missing, is not in quotation marks, or is one too many."""
+    """The error for `in(Main, Start)` or `runs()`: a name is missing, unquoted, or one too many."""
     known = find_signature(token.value)
     usage = known.usage if known is not None else ""
     if wrong.kind == "word":
@@ -172,7 +172,7 @@ def situation_names_error(text: str, token: Token, wrong: Token) -> ExpressionEr
 
 
 def argument_count_error(text: str, token: Token, given: int, arguments: Sequence[Token]) -> ExpressionError:
-    """A function with too few or too many arguments."""
+    """The error for a function with too few or too many arguments."""
     least, most = ARITY[token.value]
     wanted = (
         f"{least} or more" if most == ANY_NUMBER_OF_ARGUMENTS else str(least) if least == most else f"{least} or {most}"

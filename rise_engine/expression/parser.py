@@ -33,9 +33,9 @@ from rise_engine.expression.nodes import (
 from rise_engine.expression.tokens import Token, tokenize
 
 MAX_NESTING = 250
-"""How deep brackets and operators can be nested, as written."""
+"""Maximum nesting of brackets and operators, as written."""
 MAX_DEPTH = 100
-"""Levels of the resulting tree, to which redundant brackets add none. Far below Python's own limit."""
+"""Maximum levels of the resulting tree, to which redundant brackets add none. Far below Python's own limit."""
 
 _OR, _XOR, _AND, _EQUALITY, _ORDERING, _SUM, _PRODUCT, _POWER = 1, 2, 3, 5, 6, 7, 8, 10
 _LEVEL = {
@@ -54,7 +54,7 @@ _VALUES = {"true": Literal(True), "false": Literal(False), "null": Literal(None)
 
 
 class Parsed(NamedTuple):
-    """The result of parsing: the tree, the keys that it reads, and the constants (which a key may hide)."""
+    """The result of parsing: the tree, the keys that it reads, and its constants (which a key may hide)."""
 
     root: Node
     keys: frozenset[str]
@@ -64,7 +64,7 @@ class Parsed(NamedTuple):
 def parse(text: str, *, of_property: bool = False) -> Parsed:
     """Read an expression. Raises ExpressionError for any other text.
 
-    :param of_property: it belongs to a property of a study, which can test the situation.
+    :param of_property: whether it belongs to a property of a study, which can test the situation.
     """
     parser = _Parser(text, of_property)
     try:
@@ -194,7 +194,7 @@ class _Parser:
         return Key(name)
 
     def parse_parts(self, base: Node, first: Token) -> Part:
-        """Read what follows a key or a call, any number of times: `[i].text`."""
+        """Read the steps after a key or a call: `[i].text`."""
         if isinstance(base, Key) and base.name.endswith("."):
             dot = first.end - 1
             raise ExpressionError("there is no dot before `[`", self.text, dot + 1, f"write `{base.name[:-1]}[`")

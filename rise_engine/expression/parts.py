@@ -51,7 +51,7 @@ class PartReader:
         return True
 
     def assign(self, memory: Mapping[str, Json], value: Json, env: Environment) -> tuple[str, Json]:
-        """Return the key of the memory that changes when this part is set to `value`, and its new value.
+        """Return the key of the memory that changes if this part is set to `value`, and its new value.
 
         The indexes are read from `env`. Copies the values on the path; the memory itself is not changed. The last step
         may be a new name in an object. Raises MissingPartError if an earlier step or a list entry does not exist, and
@@ -86,7 +86,7 @@ class PartReader:
         return MissingPartError(f"{MISSING_PART}: {what}", self._text)
 
     def _why_missing(self, holder: Json, index: Json, count: int) -> str:
-        """Say why the part does not exist. `count`: how many of the steps lead to the holder."""
+        """Explain why the part does not exist. `count`: the number of steps that lead to the holder."""
         name = with_all_brackets(self._part._replace(steps=self._part.steps[:count]))
         if isinstance(holder, list):
             whole = _whole_number(index)
@@ -104,7 +104,7 @@ class PartReader:
 def find_part(holder: Json, index: Json, *, by_dot: bool) -> int | str | None:
     """The place of a part in a list or an object; None if it does not exist.
 
-    :param by_dot: the part is named after a dot, where a text of digits is the index of a list entry.
+    :param by_dot: whether the name follows a dot, where digits are the index of a list entry.
     """
     if isinstance(holder, list):
         if by_dot:
@@ -118,7 +118,7 @@ def find_part(holder: Json, index: Json, *, by_dot: bool) -> int | str | None:
 
 
 def _whole_number(index: Json) -> int | None:
-    """The list index that a value means, or None."""
+    """The list index of a value, or None."""
     if isinstance(index, float) and index.is_integer():
         return int(index)
     return index if isinstance(index, int) and not isinstance(index, bool) else None

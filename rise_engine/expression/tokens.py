@@ -1,6 +1,6 @@
 """Splits an expression into tokens: words, numbers, texts and operators, each with its place.
 
-Synonyms are unified here (`&&` is `and`, `=` is `==`), so the parser knows one spelling of each operator.
+Synonyms are unified here (`&&` is `and`, `=` is `==`), so the parser gets one spelling of each operator.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rise_engine.expression.environment import native_number
 from rise_engine.expression.errors import ExpressionError
 
 MAX_LENGTH = 100_000
-"""The longest expression or assignment, in characters."""
+"""Maximum characters of an expression or assignment."""
 
 RESERVED = frozenset({"or", "xor", "and", "not", "true", "false", "null"})
 """Words that cannot be keys."""
 
 KEY = re.compile(r"[^\W\d][\w.]*")
-"""A memory key as it can be written in an expression: a letter or `_`, then letters, digits, `_` and dots."""
+"""A memory key in an expression: a letter or `_`, then letters, digits, `_` and dots."""
 
 _TOKEN = re.compile(
     r"""\s*(?:
@@ -61,7 +61,7 @@ _MEANT = {
     "³": "^3",
     ":": "=",
 }
-"""What to write instead of a character."""
+"""Replacements of wrong characters."""
 _HINTS = {
     "%": "there is no remainder operator; the remainder of n by 2 is `n - 2 * floor(n / 2)`",
     "&": "write `and` or `&&`",
@@ -126,7 +126,7 @@ def tokenize(text: str) -> list[Token]:
 
 
 def path_end(text: str, start: int) -> int:
-    """The end of a path such as `[i].text[0]` whose first `[` is at `start`; -1 if a bracket is not closed."""
+    """The end of a path such as `[i].text[0]` whose first `[` is at `start`; -1: a bracket is not closed."""
     at, level = start, 0
     while True:
         piece = _PATH_PIECE.search(text, at)
@@ -166,7 +166,7 @@ def unquote(text: str, quoted: str, start: int) -> str:
 
 
 def escape_text(value: str, quote: str) -> str:
-    """Escape a text for use between these quotation marks; without a mark it stays unchanged.
+    """Escape a text for these quotation marks; without a mark it stays unchanged.
 
     >>> print(escape_text("It's", "'"))
     It\\'s
@@ -189,7 +189,7 @@ def _number(text: str, digits: str, start: int, end: int) -> int | float:
 
 
 def number_of(digits: str) -> int | float:
-    """The number that is written so: an integer if it is whole and fits into 64 bits."""
+    """The number in a text: an integer if it is whole and fits into 64 bits."""
     if len(digits) < 20 and digits.isdigit() and (whole := int(digits)) < 2**63:
         return whole
     return native_number(float(digits))
@@ -203,7 +203,7 @@ def _word_at(text: str, start: int) -> str:
 def check_key(text: str, word: str, start: int) -> None:
     """Refuse a word that matches `KEY` but cannot be a key. Raises ExpressionError.
 
-    For `re`, superscripts and similar characters are word characters, but people do not mean them as letters.
+    For `re`, superscripts and similar characters are word characters, but people do not mean letters.
     """
     if word.count(".") >= MAX_LEVELS:
         raise ExpressionError(

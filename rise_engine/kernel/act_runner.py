@@ -18,7 +18,7 @@ from rise_engine.scenario.speech.template import MissingValueError
 
 SPEECH_CHANNEL = "speech"
 CANCEL_LIMIT = 5.0
-"""Seconds that the robot has to confirm a cancel. After that the action counts as lost."""
+"""Seconds for the robot to confirm a cancel. After that the action counts as lost."""
 
 
 class ActionRun(Struct):
@@ -43,11 +43,11 @@ class ActRun(Struct):
     task: Task
     actions: dict[str, ActionRun]
     cancel_reason: str | None = None
-    """Why it is being stopped, if it is."""
+    """Why it is being stopped; None: it is not."""
     failure: str | None = None
-    """Why it failed, if it did. Its running actions are then being cancelled."""
+    """Why it failed; None: it has not. After a failure its running actions are cancelled."""
     interfered: bool = False
-    """Whether the robot itself, or somebody else, ended one of its actions."""
+    """Whether the robot itself, or another program, ended one of its actions."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
@@ -61,11 +61,11 @@ class ActRunner:
         self._on_ended = on_ended
         """Called once when an act's last action has ended, with the act, its task's final status and the reason."""
         self.last_pick: dict[str, int] = {}
-        """The variant that was picked last, by `<act>/<actionID>`."""
+        """The last picked variant, by `<act>/<actionID>`."""
         self.robot_lost: str | None = None
-        """Why goals cannot be sent, while the robot is not connected."""
+        """Why goals cannot be sent; None: the robot is connected."""
         self.left: frozenset[str] = frozenset()
-        """The goals of an earlier engine, while they are given up. People decide about them: none is cancelled."""
+        """The goals of an earlier engine while they are given up. None is cancelled: a person decides about them."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
 
@@ -82,7 +82,7 @@ class ActRunner:
         return any(SPEECH_CHANNEL in spec.channels for spec in under_way)
 
     def running_goals(self) -> list[StartAction]:
-        """The goals that the robot has and has not ended."""
+        """The goals that were sent to the robot and have not ended."""
         specs = self._core.scenario.robot.actions
         return [
             StartAction(
@@ -107,7 +107,8 @@ class ActRunner:
         self._advance(run)
 
     def _advance(self, run: ActRun) -> None:
-        """Start all ready actions in file order (one that ends at once makes others ready), then check for the end."""
+        """Start all ready actions in file order (one that ends immediately makes others ready), then check for the
+        end."""
         if run.starting:
             return
         run.starting = True
@@ -118,7 +119,7 @@ class ActRunner:
             self._finish(run)
 
     def go_on(self) -> None:
-        """Start the actions that have waited for a wizard."""
+        """Start the actions that waited for a wizard."""
         for run in list(self.runs.values()):
             self._advance(run)
 
@@ -154,7 +155,7 @@ class ActRunner:
         if spec.substitute is not None:
             state.sent_as = spec.substitute
             spec = core.scenario.robot.actions[spec.substitute]
-            # The substitute need not know every parameter (a gaze has no hand).
+            # The substitute may lack some parameters (a gaze has no hand).
             parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
         state.state = "running"
         self._record(run, id, "started")
@@ -164,7 +165,7 @@ class ActRunner:
         state.timer = core.set_timer(limit_seconds(spec, parameters), TimerTarget("limit", str(run.task.id), id))
 
     def _pick_variant(self, run: ActRun, action: Action) -> ActionCall:
-        """Return the action's call; of several variants a random one, never the same one twice in a row."""
+        """Return the action's call: of several variants a random one, but never the last one again."""
         calls = action.calls
         if len(calls) == 1:
             return calls[0]
@@ -188,7 +189,7 @@ class ActRunner:
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
         if self._core.scenario.robot.actions[state.type].engine:
-            return  # the robot never got a wait
+            return  # the robot never receives a wait
         if status in ("accepted", "succeeded") and run.task.voice_at is None:
             self._note_confirmation(run.task, state)
         if status == "accepted":
@@ -200,7 +201,7 @@ class ActRunner:
             self._advance(run)
 
     def _note_confirmation(self, task: Task, state: ActionRun) -> None:
-        """Note that the robot has begun an action by now, perhaps the act's first one or its first audible one."""
+        """Note that the robot has begun an action: perhaps the act's first one, or its first audible one."""
         if task.robot_at is None:
             task.robot_at = self._core.t
         if SPEECH_CHANNEL in self._core.scenario.robot.actions[state.sent_as or state.type].channels:
@@ -222,14 +223,14 @@ class ActRunner:
         self._advance(run)
 
     def lose_robot(self, reason: str) -> None:
-        """Handle a lost link: the state of the robot's actions is unknown, and nothing can be sent."""
+        """Handle a lost link: the state of the robot's actions is unknown, and goals cannot be sent."""
         self.robot_lost = reason
         self.lose_running(reason)
 
     def lose_running(self, reason: str) -> None:
-        """End the actions on the robot as lost. Whatever waits for these acts continues.
+        """End the actions on the robot as lost. Tasks that wait for these acts continue.
 
-        Each is cancelled, because its order may not have gone out yet.
+        Each action is cancelled, because it may not have been sent yet.
         """
         for run in list(self.runs.values()):
             for id, state in run.actions.items():
@@ -241,7 +242,7 @@ class ActRunner:
             self._advance(run)
 
     def lose_left(self) -> None:
-        """End what an earlier engine left on the robot as lost, and cancel nothing of it."""
+        """End the goals of an earlier engine as lost, without cancelling them."""
         self.left = frozenset(goal.action for goal in self.running_goals())
         self.lose_running("the engine was restarted while it ran")
         self.left = frozenset()
@@ -249,7 +250,7 @@ class ActRunner:
     # --- cancel and end ---
 
     def cancel(self, run: ActRun, reason: str) -> None:
-        """Stop an act: cancel running actions, skip the others. It ends when the robot has confirmed."""
+        """Stop an act: cancel its running actions and skip the others. It ends when the robot has confirmed."""
         if run.cancel_reason is not None:
             return
         run.cancel_reason = reason

@@ -1,6 +1,6 @@
-"""Behaviours of tasks that are JSON, because a name alone is not enough (semantics.md 1.1).
+"""Behaviours of tasks in JSON, for functions that need more than a name (semantics.md 1.1).
 
-Anybody who submits a task can write such a behaviour. So each reader refuses invalid ones with a sentence.
+Any client can write such a behaviour. So each reader refuses an invalid one with a sentence.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
 Content = TypeVar("Content", bound=Struct)
 Resumption: TypeAlias = Literal["enter", "wait", "leave"]
-"""What happens to a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
+"""What happens to a rule that a stop ended: it enters its state again, waits there without onEntry, or stays ended."""
 
 
 class BehaviorError(RiseError, ValueError):
-    """A behaviour that cannot be read; the message is a sentence for a person."""
+    """A behaviour cannot be read; the message is a sentence for a person."""
 
 
 class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
-    """The behaviour of startInteractionRule: a rule, and where it begins (`rule_start_behavior` writes it)."""
+    """The behaviour of startInteractionRule: a rule and its first state (`rule_start_behavior` writes it)."""
 
     rule: str
     state: str | None = None
-    """Null: in its initial state."""
+    """Null: the initial state."""
     enter: bool = True
-    """False: it waits there without running `onEntry`."""
+    """False: the rule waits there without running `onEntry`."""
 
 
 class StepBack(Struct, frozen=True, forbid_unknown_fields=True):
-    """The behaviour of stepBack: a rule, and what goes back with it."""
+    """The behaviour of stepBack: a rule, and what else is undone."""
 
     rule: str
     take_back: tuple[str, ...] = ()
-    """Memory keys that get their values from when the previous state was entered."""
+    """Memory keys that get back their values from the entry of the previous state."""
     enter: bool = True
     """False: the rule waits there without running `onEntry`."""
     stop_acts: bool = False
@@ -62,9 +62,9 @@ class Release(Struct, frozen=True):
     """The behaviour of releaseStop (`release_behavior` writes it)."""
 
     rules: dict[str, Resumption]
-    """The resumption of each rule; the others stay stopped."""
+    """The resumption of each rule; other rules stay stopped."""
     stop: int | None = None
-    """The number of the stop that the person has seen, from 1. None: any."""
+    """The number of the stop that the person has seen, from 1; None: any."""
 
 
 def read_release(behavior: str) -> Release:
@@ -81,9 +81,9 @@ def read_release(behavior: str) -> Release:
 
 
 def release_behavior(rules: Mapping[str, str], stop: int | None = None) -> str:
-    """Write the behaviour of releaseStop; empty if every rule stays stopped, and any stop is meant."""
+    """Write the behaviour of releaseStop; empty: every rule stays stopped, and any stop is meant."""
     resumed: dict[str, str | int] = {name: how for name, how in rules.items() if how != "leave"}
-    if stop is not None and "stop" not in resumed:  # a rule of this name leaves no room for the number
+    if stop is not None and "stop" not in resumed:  # a rule named `stop` takes this place
         resumed["stop"] = stop
     return msgspec.json.encode(resumed).decode() if resumed else ""
 
@@ -96,7 +96,7 @@ def read_step_back(behavior: str) -> StepBack:
 
 
 def started_rule(behavior: str) -> str:
-    """The name of the rule that a startInteractionRule starts; an unreadable behaviour counts as a name."""
+    """The name of the rule that a startInteractionRule starts. An unreadable behaviour counts as a name."""
     try:
         return read_rule_start(behavior).rule
     except BehaviorError:
@@ -108,11 +108,11 @@ class EventRaise(Struct, frozen=True, forbid_unknown_fields=True):
 
     event: str
     keep: str | None = None
-    """As written: `2s`; null: it is not kept."""
+    """As written: `2s`; null: not kept."""
 
     @property
     def seconds(self) -> float | None:
-        """Seconds for which it is kept; None: it is not. Raises BehaviorError."""
+        """Seconds for which it is kept; None: not kept. Raises BehaviorError."""
         seconds = parse_time(self.keep) if self.keep is not None else None
         if self.keep is not None and (seconds is None or not 0.001 <= seconds <= MAX_SECONDS):
             raise BehaviorError(f'`keep` is a time from 1ms to 24 hours, such as "2s", not "{self.keep}"')
@@ -127,7 +127,7 @@ def read_event_raise(behavior: str) -> EventRaise:
 
 
 def describe_behavior(function: str, behavior: str) -> str:
-    """Describe a behaviour for people: JSON in words, anything else as written."""
+    """Describe a behaviour for people: JSON in words, other texts as written."""
     describe = _DESCRIPTIONS.get(function)
     if describe is None or not is_object(behavior):
         return behavior
@@ -162,12 +162,12 @@ _DESCRIPTIONS: dict[str, Callable[[str], str]] = {
 
 
 def is_object(behavior: str) -> bool:
-    """Whether a behaviour is meant as a JSON object."""
+    """Whether a behaviour is written as a JSON object."""
     return behavior.lstrip().startswith("{")
 
 
 def read_object(behavior: str, kind: type[Content], form: str) -> Content:
-    """Read a behaviour as a value of `kind`. `form` ends the sentence about an invalid one. Raises BehaviorError."""
+    """Read a behaviour as a value of `kind`. `form` ends the sentence about an error. Raises BehaviorError."""
     try:
         fields: dict[str, Any] = msgspec.json.decode(behavior, type=dict[str, Any])
         for name in fields:

@@ -17,7 +17,7 @@ class StartAction(Struct, frozen=True, tag_field="command", tag="start_action"):
     parameters: dict[str, Any]
     """As authored, with memory filled in and typed; omitted parameters are absent."""
     expected: float
-    """Seconds that it will probably take."""
+    """Seconds that it probably takes."""
     goal: str = ""
     """The goal's UUID, 32 hexadecimal digits. The engine sets it, because it knows the session; empty in the kernel."""
     accepted: bool = False
@@ -31,15 +31,15 @@ class CancelAction(Struct, frozen=True, tag_field="command", tag="cancel_action"
 
 
 class StopRobot(Struct, frozen=True, tag_field="command", tag="stop_robot"):
-    """Ask everything in the robot to stop everything, also goals of others; answer with `StopReport`."""
+    """Ask all parts of the robot to stop everything, also goals of other clients. The answer is a `StopReport`."""
 
 
 class EndStop(Struct, frozen=True, tag_field="command", tag="end_stop"):
-    """Tell the robot that the stop is released: what others begin is left to them."""
+    """Tell the robot that the stop is released. Goals that other clients begin are no longer stopped."""
 
 
 class CancelOpenGoals(Struct, frozen=True, tag_field="command", tag="cancel_open_goals"):
-    """Ask the robot again to stop what it may still be doing for actions that have ended."""
+    """Ask the robot again to stop its open goals."""
 
     part: str
     """Empty: all parts."""

@@ -1,7 +1,7 @@
 """Rules compiled at load: indexed by topic, with compiled conditions, and with blocks as chains of steps.
 
-The classes have slots, and equal conditions are shared, because there may be thousands of rules. Without this, events
-for a thousand rules in turn take one and a half times as long (benchmarks/many_rules).
+There may be thousands of rules, so the classes have slots, and equal conditions are shared. Without this, events for a
+thousand rules in turn take half as long again (benchmarks/many_rules).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ RAISE, ASSIGN, CALL, TEST, PICK = range(5)
 
 
 class CompiledCondition:
-    """A condition, and the keys whose values belong in its record."""
+    """A condition, with the keys whose values its record contains."""
 
     __slots__ = ("evaluate", "keys", "only_key", "text", "watched_keys")
 
@@ -49,11 +49,11 @@ class CompiledCondition:
         self.only_key = self.keys[0] if len(self.keys) == 1 and not expression.parts else ""
         """The key, if the record needs only its value."""
         self.watched_keys = expression.keys | expression.constants
-        """Includes constants, because a memory key called `e` would hide the constant."""
+        """Includes constants, because a memory key named `e` would hide the constant."""
 
 
 def _collecting_parts(expression: Expression) -> Callable[[Environment], bool]:
-    """A condition that stores the parts that it reads in `env.parts`, for its record."""
+    """Return a condition that stores the parts that it reads in `env.parts`, for its record."""
     holds = expression.compiled_condition
 
     def evaluate(env: Environment) -> bool:
@@ -64,26 +64,26 @@ def _collecting_parts(expression: Expression) -> Callable[[Environment], bool]:
 
 
 _compile_condition = lru_cache(maxsize=1024)(CompiledCondition)
-"""Shared by equal conditions: with a thousand rules, touching less memory saves time."""
+"""Shared by equal conditions, which saves memory, and so time with a thousand rules."""
 
 
 @dataclass(slots=True, eq=False)
 class Op:
     """One step of a block, and the next step: null at the end of the block.
 
-    A block is a chain. The arms of an `if` and of a `oneOf` continue with what follows it. So running a block needs no
-    recursion and no jumps, and an error that skips the rest just ends the chain. `kind` decides which fields are set.
+    A block is a chain. Each arm of an `if` or `oneOf` continues with the next step after it. So a block runs without
+    recursion or jumps, and an error ends the chain. `kind` decides which fields are set.
     """
 
     kind: int
     source: str
-    """The source in its records."""
+    """The `source` in its records."""
     next: Op | None
     """TEST: the next step if the condition is true."""
     function: str = field(init=False)
     argument: str = field(init=False)
     topic: EventTopic = field(init=False)
-    """RAISE: the event that it puts in the queue."""
+    """RAISE: the event that it appends to the queue."""
     assignments: tuple[Assignment, ...] = field(init=False)
     condition: CompiledCondition = field(init=False)
     otherwise: Op | None = field(init=False)
@@ -127,11 +127,11 @@ class CompiledTransition:
         self.after = transition.after
         self.block = blocks.compile(transition.block)
         self.next: CompiledTransition | None = None
-        """The next transition of the state that the same event could trigger."""
+        """The next transition of the state for the same event."""
         self.entered_at_once: CompiledState | None = None
-        """The state that is entered immediately; null if functions come first, or if the state is not left."""
+        """The state that is entered immediately; null: functions come first, or the state is not left."""
         self.entry_after_actions: CompiledTransition | None = None
-        """If functions come first: the same transition without them, which enters its target after they have run."""
+        """If functions come first: the same transition without them, which then enters the target."""
         if transition.ended is not None:
             self.trigger = " ".join(("ended", transition.ended, *transition.outcomes))
         elif transition.event is not None:
@@ -147,7 +147,7 @@ class CompiledTransition:
 
 def _own_end_topic(act: str, outcome: ActOutcome) -> EventTopic:
     topic = EventTopic(f"ended {act} {outcome}")
-    topic.with_slash = topic.name  # private to one rule, so records show no slash
+    topic.with_slash = topic.name  # private to one rule, so records show it without slash
     return topic
 
 
@@ -181,23 +181,23 @@ class CompiledState:
         self.exit = exit
         self.transitions = transitions
         self.by_topic: dict[EventTopic, CompiledTransition] = {}
-        """The first transition for each event; the others follow as its `next`."""
+        """The first transition for each event. The others follow as its `next`."""
         self.delayed = tuple(t for t in transitions if t.after is not None and t.held is None)
         self.eventless = tuple(t for t in transitions if not t.topics and (t.after is None or t.held is not None))
-        """Transitions that a condition alone triggers, immediately or after it has held for a time."""
+        """Transitions that only a condition triggers, immediately or after it has held for a time."""
         watched = (t.held or t.condition for t in self.eventless)
         keys = {key for condition in watched if condition for key in condition.watched_keys}
-        # `a.b.c` depends on changes of `a`, `a.b` and `a.b.c`, because a dotted key reaches into objects.
+        # `a.b.c` depends on changes of `a`, `a.b` and `a.b.c`: a dotted key leads into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
         if SESSION in keys:  # each of its parts reports its own changes
             written.update(f"{SESSION}.{name}" for name in SESSION_STATES)
         self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
-        """The lists of the keys that it watches."""
+        """The lists of rules that watch its keys."""
         self.final = not transitions
         self.trivial = not (self.delayed or self.final or self.eventless)
-        """Whether entering it needs nothing but waiting for events."""
+        """Whether entering it requires only waiting for events."""
         self.wait_lists: tuple[RuleList, ...] = ()
-        """The lists in which a rule in this state waits for its events while it is not on top of the stack."""
+        """The lists for a rule in this state that is not on top of the stack."""
 
     def index_topics(self) -> None:
         """Index the transitions by their events, once they are complete."""
@@ -215,7 +215,7 @@ class CompiledRule:
     def __init__(self, rule: Rule, topics: EventTopics, watchers: dict[str, RuleList]) -> None:
         self.name = rule.name
         self.own_ends: dict[tuple[str, ActOutcome], EventTopic] = {}
-        """For each act and outcome that the rule waits for with `ended`: the event that only this rule gets."""
+        """The event for each act and outcome that the rule waits for with `ended`. Only this rule gets it."""
         self.source = f"rule:{rule.name}"
         self.priority = float(rule.priority)
         blocks = BlockCompiler(self.source, topics)
@@ -242,7 +242,7 @@ class CompiledRule:
         for compiled_state in self.states.values():
             compiled_state.index_topics()
         self.results = {state: topic for state, topic in result_topics(rule) if not _raises(rule.states[state], topic)}
-        """For each state that ends the rule: the event that reports it, unless the state raises that event itself."""
+        """The event that reports each state that ends the rule, unless the state raises that event itself."""
         self.acts_of_own_ends = frozenset(act for act, _ in self.own_ends)
         self.initial = self.states[rule.initial]
 
@@ -262,7 +262,7 @@ class BlockCompiler:
         self._topics = topics
 
     def compile(self, block: Block, then: Op | None = None) -> Op | None:
-        """Compile a block that continues with `then`, from its end. Returns its first step."""
+        """Compile a block, from its end, so that it continues with `then`. Returns its first step."""
         for statement in reversed(block):
             then = self._statement(statement, then)
         return then

@@ -21,11 +21,11 @@ RecordFields = ParamSpec("RecordFields")
 
 
 RuleList: TypeAlias = dict[Any, None]
-"""Running rules (`rise_engine.kernel.rules.RuleRun`), each once, in the order in which they joined."""
+"""Running rules (`rise_engine.kernel.rules.RuleRun`), each once, in the order of joining."""
 
 
 class EventTopic:
-    """An event topic: one object for everything that raises it or waits for it."""
+    """An event topic: one object for all raisers and takers."""
 
     __slots__ = ("name", "wait_list", "with_slash")
 
@@ -34,29 +34,29 @@ class EventTopic:
         self.with_slash = "/" + name
         """As shown in records."""
         self.wait_list: RuleList = {}
-        """The rules that wait for it, except the rule on top of the stack, in stack order with the highest last."""
+        """The rules that wait for it, without the rule on top of the stack, in stack order with the highest last."""
 
 
 class EventTopics(dict[str, EventTopic]):
     """The topics of the scenario, each under both spellings: with and without slash."""
 
     def get_or_add(self, name: str) -> EventTopic:
-        """The one object for a topic (without slash), which is made if it does not exist yet."""
+        """Return the one object for a topic (without slash), and make it if necessary."""
         if name not in self:
             self[name] = self["/" + name] = EventTopic(name)
         return self[name]
 
 
 Cause: TypeAlias = "tuple[str | int, Cause] | None"
-"""What led to something within one macrostep: the rule that took a step, and the cause of that step; null: an input.
-A number instead of a rule is a task that is the cause, whatever the input was."""
+"""The chain of causes within one macrostep: a rule that took a step, and the cause of that step; null: an input. A
+number instead of a rule is a task, the cause whatever the input was."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
-"""An event that is not routed yet: the topic, its source, and its cause."""
+"""An event that was not routed yet: its topic, source and cause."""
 
 
 class Task(Struct):
-    """A DomainTask that has not ended yet."""
+    """A DomainTask that has not ended."""
 
     id: int
     function: str
@@ -74,16 +74,16 @@ class Task(Struct):
     voice_at: float | None = None
     filler: bool = False
     attempt: int = 1
-    """For an act that was repeated after a failure: the number of the attempt, reset when the robot is back."""
+    """The number of the attempt, for an act repeated after a failure. It is reset when the robot is back."""
     first: int = 0
-    """The first task that it repeats; 0: it repeats none."""
+    """The first task that it repeats; 0: none."""
     cause: int | None = None
     """This field and the next are as in `TaskRecord`."""
     via: tuple[str, ...] = ()
 
 
 def parse_task_id(number: str) -> int:
-    """Read a task's id; 0, which no task has, for anything else."""
+    """Read a task's id; 0, which is never an id, for anything else."""
     return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0
 
 
@@ -111,7 +111,7 @@ class Core:
         self.continued_macrostep = -1
         """The last macrostep that included more than one input."""
         self.cause: Cause = None
-        """The cause of what happens now."""
+        """The cause of the present step."""
         self.origin: int | None = None
         """The task of the current input; null: none, as for a rule's timer."""
         self.records: list[AnyRecord] = []
@@ -124,23 +124,23 @@ class Core:
         self.next_timer = 1
         self.timers: dict[int, TimerTarget] = {}
         self.reported_missing: set[str] = set()
-        """Missing keys that have been recorded, which happens only once."""
+        """Missing keys that were recorded. Each is recorded once."""
         self.open_cue_at: float | None = None
-        """The time of the participant's cue that has not been answered yet."""
+        """The time of the participant's cue that has no answer yet."""
         self.key_at: float | None = None
-        """When the key was pressed that led to this step."""
+        """When the key was pressed that caused this step."""
         self.open_goals: tuple[OpenGoal, ...] = ()
-        """What the robot may still be doing for actions that have ended."""
+        """The robot's open goals."""
         self.waits_for_wizard = False
-        """Whether no act and no action begins: the session was recovered, and no wizard has had control since."""
+        """Whether nothing may begin on the robot because no wizard has had control since the session was recovered."""
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
-        """Keys of the memory that nothing can change. They exist from the start, and are in no snapshot."""
+        """Keys of the memory that are tables: they exist from the start, never change, and are in no snapshot."""
         self.memory.update(scenario.table_memory)
         self.memory_log = MemoryLog()
         """The changes of the memory since earlier steps of rules."""
         self.env = Environment(self.memory, self.rng.fraction, set(), self.rng.integer_below)
-        """The environment of expressions: the memory, and where they report missing keys."""
+        """The environment of expressions: the memory, and the place where they report missing keys."""
 
     # --- outputs ---
 
@@ -152,8 +152,8 @@ class Core:
     ) -> None:
         """Emit a record of `kind` with these fields and the next number; the engine fills in `wall`.
 
-        The most frequent records of rules (an event is raised or taken; a condition; a state is entered) are appended
-        to `records` directly, because this call would cost more than the record (benchmarks/kernel_events).
+        The most frequent records of rules (events, conditions, entered states) are appended to `records` directly,
+        because this call costs more than the record (benchmarks/kernel_events).
         """
         self.records.append(kind(next(self.numbers), self.t, "", *fields, **named))
 
@@ -179,7 +179,7 @@ class Core:
         return origin, tuple(each for each in dict.fromkeys(reversed(rules)) if each != rules[0])
 
     def record_task(self, task: Task, reason: str = "", position: int | None = None) -> None:
-        """Record the status of a task that lasts."""
+        """Record the present status of a task."""
         self.emit(
             TaskRecord,
             task.id,
@@ -206,7 +206,7 @@ class Core:
         calling_type: str = "None",
         ref: str | None = None,
     ) -> None:
-        """Write the single record of a task that ends immediately, which is any task but a start."""
+        """Write the single record of a task that ends immediately: any task except a start."""
         id = self.next_task
         self.next_task = id + 1
         cause, via = self._find_cause(source) if status == "REJECTED" else (None, ())
@@ -216,8 +216,7 @@ class Core:
         )
 
     def key_of(self, task: int) -> float | None:
-        """Return when the key was pressed that requests a task with the current input. None: it is not requested now,
-        or by no key."""
+        """Return when the key was pressed that requests a task with the current input; None: no key does."""
         return self.key_at if task == self.origin else None
 
     def record_note(
@@ -228,7 +227,7 @@ class Core:
     # --- events of the engine itself ---
 
     def raise_event_if_named(self, topic: str) -> None:
-        """Raise an event of the engine. It leaves no record if no rule names it (semantics.md 6.1)."""
+        """Raise an event of the engine. Without a rule that names it, it leaves no record (semantics.md 6.1)."""
         if topic in self.scenario.topics:
             self.events.append((self.topics[topic], "engine", self.cause))
 
@@ -248,7 +247,7 @@ class Core:
     # --- memory, read ---
 
     def read_values(self, keys: tuple[str, ...]) -> dict[str, Any]:
-        """The values of these keys, and of the parts that the last evaluated condition has read."""
+        """The values of these keys, and of the parts that the last evaluated condition read."""
         memory, parts = self.memory, self.env.parts
         if parts is None:
             return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
@@ -256,7 +255,7 @@ class Core:
         return dict(sorted({**{key: lookup(memory, key)[1] for key in keys}, **parts}.items()))
 
     def newly_missing(self) -> tuple[str, ...]:
-        """The missing keys of the last evaluation that have not been reported yet."""
+        """The missing keys of the last evaluation that were not reported before."""
         missing = self.env.missing
         if not missing:
             return ()

@@ -1,4 +1,4 @@
-"""What happens after a failed act: the study goes on, the wizard is asked, or it is repeated (semantics.md 12.2)."""
+"""What follows a failed act: the study goes on, the wizard is asked, or the act is repeated (semantics.md 12.2)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from rise_engine.kernel.speech import SAY
 REPEATING = "repeats task {}"
 """The reason of a task that is a repetition."""
 FIRST_PAUSE, LONGEST_PAUSE = 2.0, 10.0
-"""Seconds before an act is repeated automatically for the first time, and the longest pause. Each pause is twice as
-long as the one before, up to the longest."""
+"""Seconds of the pause before the first automatic repetition, and of the longest pause. Each pause doubles the last."""
 
 
 class FailuresState(Struct):
     """The state that is kept across inputs."""
 
     asked: dict[int, Task] = field(default_factory=dict)
-    """Failed acts whose events are held until somebody answers or they are repeated, by task, oldest first."""
+    """Failed acts whose events are held until an answer or a repetition, by task, oldest first."""
     pauses: dict[int, int | None] = field(default_factory=dict)
-    """Acts in `asked` that are repeated automatically: the pause's timer; null: it begins when the robot is back."""
+    """The acts in `asked` that are repeated automatically: the pause's timer; null: it begins when the robot is
+    back."""
 
 
 class FailedActs:
@@ -33,21 +33,21 @@ class FailedActs:
         self._core = core
         self.state = FailuresState()
         self.add: Callable[[Task, str], None] = lambda task, reason: None
-        """Schedules a task before all waiting ones; the reason is in its record."""
+        """Schedules a task before all waiting ones. Its record contains the reason."""
         self.finish: Callable[[Task], None] = lambda task: None
         """Raises the events of an act's end."""
         self.advance: Callable[[], None] = lambda: None
-        """Called when others may start, because a pause has ended."""
+        """Called when other acts may start, because a pause has ended."""
         self.note_repeated: Callable[[Task, Task], None] = lambda before, now: None
         """Called when a second task replaces a first."""
 
     def holds(self, task: Task, reason: str, may_repeat: bool, robot_lost: bool) -> bool:
-        """Whether to hold the events of a failure, because the act waits for its repetition or for an answer.
+        """Whether to hold the events of a failure, because the act waits for its repetition or an answer.
 
         Arguments:
             task: its task, which was ABORTED.
             reason: why it was.
-            may_repeat: whether it may be repeated automatically. Not if the robot or somebody else ended the act, or if
+            may_repeat: whether it may be repeated automatically. Not if the robot or another program ended the act, or
                 an earlier engine started it.
             robot_lost: whether a repetition has to wait until the robot is back.
         """
@@ -72,7 +72,7 @@ class FailedActs:
     # --- automatic repetition ---
 
     def pause_elapsed(self, id: int, robot_lost: str | None) -> None:
-        """Handle the end of a failed act's pause. `robot_lost`: why it still has to wait, or None."""
+        """Handle the end of a failed act's pause. `robot_lost`: why it must still wait, or None."""
         task = self.state.asked[id]
         self.state.pauses[id] = None
         if robot_lost is None:
@@ -82,7 +82,7 @@ class FailedActs:
             self.advance()
 
     def robot_back(self) -> None:
-        """Repeat what has waited for the robot, after a pause and with a new count of attempts."""
+        """Repeat the acts that waited for the robot, after a pause and with a new count of attempts."""
         for id in [id for id, timer in self.state.pauses.items() if timer is None]:
             task = self.state.asked[id]
             task.attempt = 1
@@ -95,11 +95,11 @@ class FailedActs:
 
     @property
     def pausing(self) -> list[Task]:
-        """The acts in `waiting` whose pause has begun. They keep others from starting as if they ran."""
+        """The acts in `waiting` whose pause has begun. They prevent other starts as if they were running."""
         return [task for task in self.waiting if self.state.pauses[task.id] is not None]
 
     def stop(self, tasks: list[Task], source: str, reason: str = "") -> None:
-        """Do not repeat these acts automatically, but raise their events."""
+        """Raise the events of these acts instead of repeating them automatically."""
         for task in tasks:
             self._record(self._take(task), "gone-on", source, reason=reason)
             self.finish(task)
@@ -123,20 +123,20 @@ class FailedActs:
         return found or next((task for task in asked.values() if task.behavior == behavior), None)
 
     def why_not_answer(self, behavior: str) -> str:
-        """Why nobody can decide about this act; empty if somebody can."""
+        """Why no decision about this act is possible; empty: it is."""
         return "" if self.find(behavior) is not None else f"no failed act {behavior} waits for an answer"
 
     def repeat(self, behavior: str, source: str) -> None:
-        """Start the act again. Its end replaces the end that is waited for."""
+        """Start the act again. The repetition's end replaces the held end."""
         self._repeat(self._take(self._found(behavior)), source)
 
     def go_on(self, behavior: str, source: str) -> None:
-        """Raise the events of the failure, as if nobody had been asked."""
+        """Raise the events of the failure, as if there had been no question."""
         self.stop([self._found(behavior)], source)
 
     def drop(self, source: str, reason: str, started_after: int = 0) -> bool:
-        """Drop the questions about acts of `source` (empty: all) whose first task is after this id, without raising
-        events. Returns whether there were any."""
+        """Drop the questions about acts of `source` (empty: all) whose first task is after this id. Returns whether any
+        was."""
         asked = [
             task
             for task in self.state.asked.values()
@@ -152,7 +152,7 @@ class FailedActs:
         return task
 
     def _take(self, task: Task) -> Task:
-        """Remove an act that no longer waits for anything."""
+        """Remove an act that no longer waits."""
         del self.state.asked[task.id]
         if (timer := self.state.pauses.pop(task.id, None)) is not None:
             self._core.cancel_timer(timer)
@@ -180,5 +180,5 @@ class FailedActs:
 
 
 def first_task(task: Task) -> int:
-    """The id of the first task that a task repeats; its own if it repeats none."""
+    """The id of the first task that a task repeats; its own id if it repeats none."""
     return task.first or task.id

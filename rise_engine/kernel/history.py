@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 from msgspec import Struct, field
 
 MAX_STEPS = 50
-"""How many states of a rule are remembered, including the present one."""
+"""The number of remembered states of a rule, including the present one."""
 LEAST_CHANGES = 256
-"""How many changes of the memory are collected before unneeded ones are removed."""
+"""The number of changes of the memory before unneeded ones are removed."""
 
 Steps: TypeAlias = list[tuple[str, int]]
 """The states of a rule, the present one last, each with the number of the record of its entry."""
@@ -27,14 +27,14 @@ class ValueBefore(Struct, frozen=True):
 class MemoryLog(Struct):
     """The values of keys before they were changed.
 
-    If a key changes several times without a step in between, only the first change is kept. So the size depends on keys
-    and steps, not on the number of changes. Only changes of the memory cost time.
+    If a key changes several times between two steps, only the first change is kept. So the size depends on keys and
+    steps, not on the number of changes. Only changes of the memory cost time.
     """
 
     changes: list[tuple[int, str, ValueBefore]] = field(default_factory=list)
     """The number of each change's record, the key, and its value before."""
     limit: int = LEAST_CHANGES
-    """How many changes there may be before unneeded ones are removed."""
+    """The number of changes before unneeded ones are removed."""
 
     def note(self, number: int, key: str, existed: bool, value: Any) -> None:
         """Note that a key was changed from this value, in the record with this number."""
@@ -46,7 +46,7 @@ class MemoryLog(Struct):
         return len(self.changes) > self.limit
 
     def trim(self, steps: Iterable[Iterable[tuple[str, int]]], least: int = LEAST_CHANGES) -> None:
-        """Remove the changes that no step of any rule needs. The next trim is due after at least `least`."""
+        """Remove the changes that no step of any rule needs. The next trim comes after at least `least` changes."""
         marks = sorted({number for each in steps for _, number in each})
         needed: dict[tuple[int, str], tuple[int, str, ValueBefore]] = {}
         for change in self.changes:
@@ -56,7 +56,7 @@ class MemoryLog(Struct):
         self.limit = max(least, LEAST_CHANGES, 2 * len(self.changes))
 
     def changed_since(self, number: int, memory: dict[str, Any]) -> dict[str, ValueBefore]:
-        """The values that keys had at a record, if they differ now; keys that changed first come first."""
+        """The values that keys had at a record, if they differ now. Keys that changed first come first."""
         before: dict[str, ValueBefore] = {}
         for at, key, value in self.changes:
             if at > number:
@@ -69,5 +69,5 @@ class MemoryLog(Struct):
 
 
 def step_before(steps: Steps) -> tuple[str, int] | None:
-    """The state before the present one, and the record of its entry; null if it is unknown."""
+    """The state before the present one, and the record of its entry; null: unknown."""
     return steps[-2] if len(steps) > 1 else None

@@ -1,7 +1,7 @@
 """All inputs of a session. An input is a fact that arrived, with its time (architecture, "The kernel").
 
-Consoles, adapters, timers and command lines all use these; nothing else can change a session's state. `t` is seconds
-on the session's monotonic clock. Submitters from outside leave it 0, and the engine sets it.
+Only inputs change a session's state, whether they come from consoles, adapters, timers or command lines. `t` is seconds
+on the session's monotonic clock. Outside submitters leave it 0, and the engine sets it.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ TaskFunction: TypeAlias = Literal[
     "stepBack",  # (ours) behavior: a rule, or {"rule": NAME, "take_back": [KEYS], "enter": true, "stop_acts": false}
     "raiseEventTopic",
     "assignValue",
-    # Ours, by the same path, so that one log shows everything (docs/decisions):
+    # Ours, as tasks, so that one log shows everything (docs/decisions):
     "deleteValue",  # behavior: the memory key
     "cancelTask",  # behavior: the id of a running or waiting task
     "moveTask",  # behavior: "<id> <position>", a waiting task's new position, 0 is next
     "stopAll",  # behavior is empty
-    "cancelOpenGoals",  # behavior: a part of the robot, or empty for all: stop what it may still be doing
-    "releaseOpenGoals",  # behavior: as for cancelOpenGoals: somebody has checked the part, so it may be used again
-    "releaseStop",  # behavior is empty, or for each rule that goes on {"Table setting": "enter", "Wizard": "wait"}
-    "say",  # behavior: the text, which is said literally
-    "markCue",  # behavior is empty, or a word about it: the participant's turn has ended
+    "cancelOpenGoals",  # behavior: a part of the robot, or empty for all: stop its open goals
+    "releaseOpenGoals",  # behavior: as for cancelOpenGoals: a person has checked the part, so it may be used again
+    "releaseStop",  # behavior is empty, or for each rule that continues {"Table setting": "enter", "Wizard": "wait"}
+    "say",  # behavior: the text, which is spoken literally
+    "markCue",  # behavior is empty, or a remark: the participant's turn has ended
     "undoCue",  # behavior is empty: the participant has not finished after all
     "nextFiller",  # behavior is empty: the next of the scenario's fillers
     "markMistake",  # behavior: "<id> <wrong|late|early|double|none>", about an act or another task of a wizard
-    "goOn",  # behavior: the id of a task whose act has failed: somebody decides to go on without it
-    "repeatAct",  # behavior: the id, or the act, of a failure that somebody is asked about: it is started again
+    "goOn",  # behavior: the id of a task whose act has failed: go on without it
+    "repeatAct",  # behavior: the task's id, or the act, of a failure with a question: start it again
     "stopRuleOfAct",  # behavior: as for repeatAct; the rule that started the act is stopped
 ]
 
@@ -44,9 +44,9 @@ class Input(Struct, frozen=True, tag_field="input", kw_only=True, gc=False):
 
 
 class Submit(Input, frozen=True, tag="submit", kw_only=True, gc=False):
-    """A DomainTask: the one path by which anybody asks for anything (semantics.md 1).
+    """A DomainTask: the only way to request something (semantics.md 1).
 
-    `function` is any text. An unknown one is REJECTED with a reason, as a wrong name is.
+    `function` is any text. An unknown one is REJECTED with a reason, like a wrong name.
     """
 
     function: str
@@ -58,19 +58,19 @@ class Submit(Input, frozen=True, tag="submit", kw_only=True, gc=False):
     ref: str | None = None
     """The submitter's own name for it, repeated in the task's records."""
     pressed: float | None = None
-    """Session time at which a person pressed its key, by the console's clock; null: nobody did."""
+    """Session time at which its key was pressed, by the console's clock; null: no key was."""
 
 
 class ActionReport(Input, frozen=True, tag="action", kw_only=True, gc=False):
-    """The robot's report about an action that it got. Reports about ended actions are ignored."""
+    """The robot's report about an action that it received. Reports about ended actions are ignored."""
 
     action: str
     """The goal id of `StartAction`."""
     status: Literal["accepted", "succeeded", "failed", "canceled", "timed-out", "lost"]
-    """`canceled` without a request means that somebody else has stopped it."""
+    """`canceled` without a request: another program has stopped it."""
     reason: str = ""
     aborted: bool = False
-    """With `failed`: the robot accepted it, and gave it up by itself, for example after a protective stop."""
+    """With `failed`: the robot accepted it and then gave it up, for example after a protective stop."""
 
 
 class TimerElapsed(Input, frozen=True, tag="timer", kw_only=True, gc=False):
@@ -85,12 +85,12 @@ class RobotChanged(Input, frozen=True, tag="robot", kw_only=True, gc=False):
     status: Literal["connected", "degraded", "lost"]
     detail: str = ""
     open: tuple[OpenGoal, ...] = ()
-    """Everything that the robot may still be doing for actions that have ended for the session."""
+    """The robot's open goals."""
 
 
 class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
-    """The robot's answer to stop-all: which of its parts confirmed that they stopped, and which did not. It answers
-    again whenever that changes, until the stop is released."""
+    """The robot's answer to stop-all: which parts confirmed their stop. A new answer follows each change until the
+    release."""
 
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
@@ -100,7 +100,7 @@ class StopReport(Input, frozen=True, tag="stop_report", kw_only=True, gc=False):
 
 
 class EstopReport(Input, frozen=True, tag="estop", kw_only=True, gc=False):
-    """An emergency stop of the laboratory was pressed or let go. The report is repeated when that is heard again."""
+    """An emergency stop of the laboratory was pressed or released. Repeated reports are possible."""
 
     source: str
     """`estop:<where>`, as in `estop:/estop_pressed`."""
@@ -113,7 +113,7 @@ class Note(Input, frozen=True, tag="note", kw_only=True, gc=False):
     text: str
     source: str = "engine"
     stood: float | None = None
-    """The engine's own: for so many seconds of the wall clock it has just stood still, or could record nothing."""
+    """From the engine: seconds of the wall clock for which it has just stood still, or could not record."""
     suspended: bool = False
     """With `stood`: the computer was suspended, so session time stood still."""
 
@@ -134,16 +134,16 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     driver: str = ""
     injected_faults: tuple[str, ...] = ()
     speed: float = 1.0
-    """The fields above are as in `rise_engine.kernel.records.SessionRecord`."""
+    """The fields above are those of `rise_engine.kernel.records.SessionRecord`."""
     goals: str = ""
-    """A random text, from which the UUIDs of goals on the robot are made. Empty in older journals: there, the folder's
-    name and the seed are the source."""
+    """A random text, the source of the UUIDs of goals on the robot. Empty in older journals, where the folder's name
+    and the seed are the source."""
     memory: dict[str, Any] = {}
     """The memory values of the condition, set after the scenario's start values and before anything runs."""
 
 
 class SessionRecovered(Input, frozen=True, tag="session_recovered", kw_only=True, gc=False):
-    """A new engine continues this session after the earlier one has gone. What the robot was doing is lost."""
+    """A new engine continues this session because the earlier one has gone. The actions on the robot are lost."""
 
     versions: dict[str, str] = {}
     reason: str = ""
@@ -157,13 +157,13 @@ ControlStatus: TypeAlias = Literal["taken", "asked", "given", "released"]
 
 
 class ControlChanged(Input, frozen=True, tag="control", kw_only=True, gc=False):
-    """Control among the consoles of a session has changed, or somebody asks for it."""
+    """The control of a session has changed, or a console asks for it."""
 
     status: ControlStatus
     by: str
-    """Who did it: `wizard:<name>`."""
+    """The console that caused it: `wizard:<name>`."""
     holder: str | None
-    """Who holds control now; null: nobody."""
+    """The new holder of control; null: nobody."""
 
 
 class CheckReport(Input, frozen=True, tag="check", kw_only=True, gc=False):
@@ -178,7 +178,7 @@ class CheckReport(Input, frozen=True, tag="check", kw_only=True, gc=False):
 
 
 class OutcomeReport(Input, frozen=True, tag="outcome", kw_only=True, gc=False):
-    """Somebody decides how the session counts. The last decision is valid."""
+    """A decision on how the session counts. The last one is valid."""
 
     status: OutcomeStatus
     reason: str = ""
@@ -208,14 +208,14 @@ class SyncMark(Input, frozen=True, tag="sync", kw_only=True, gc=False):
 
 
 class ScenarioChanged(Input, frozen=True, tag="scenario_changed", kw_only=True, gc=False):
-    """The session continues with changed files, which are kept in its folder (semantics.md 12.5)."""
+    """The session continues with changed files, which are stored in its folder (semantics.md 12.5)."""
 
     hash: str
     """The hash of the new scenario, as `Scenario.hash`."""
     was: str
-    """The hash of the scenario before."""
+    """The hash of the earlier scenario."""
     copy: str
-    """The folder of its files, in the session's: `scenario.2`."""
+    """The subfolder of the session's folder with its files: `scenario.2`."""
     source: str = "engine"
 
 

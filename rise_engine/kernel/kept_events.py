@@ -10,7 +10,7 @@ from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
 from rise_engine.kernel.records import EventRecord, KeptRecord, KeptStatus, TaskStatus
 
 OFFER = EventTopic("kept")
-"""Represents a kept event in the queue when it is offered to the rules, together with its task's number."""
+"""Stands in the queue for a kept event that is offered to the rules, together with its task's number."""
 
 
 class KeptEvent(Struct):
@@ -20,13 +20,13 @@ class KeptEvent(Struct):
     topic: str
     """Without its slash."""
     timer: int
-    """The timer of its end."""
+    """The timer of its expiry."""
     until: float
-    """Session time at which it expires."""
+    """Session time of its expiry."""
     is_offered: bool = True
-    """It is in the queue, to be offered to the rules."""
+    """Whether it is in the queue, to be offered to the rules."""
     is_recorded: bool = False
-    """A record says that it has been kept."""
+    """Whether a record says that it is kept."""
 
 
 class KeptEvents(dict[int, KeptEvent]):
@@ -39,7 +39,7 @@ class KeptEvents(dict[int, KeptEvent]):
     def keep(self, task: Task, topic: str, seconds: float) -> None:
         """Raise an event (without slash), and keep it if no rule waits for it. It replaces an older one of its name."""
         core = self._core
-        core.record_task(task)  # first, because the submitter finds the answer in the first record
+        core.record_task(task)  # first, because the first record answers the submitter
         for other in [kept for kept in self.values() if kept.topic == topic]:
             self.take_back(other, "raised again")
         timer = core.set_timer(seconds, TimerTarget("keep", str(task.id)))
@@ -47,7 +47,7 @@ class KeptEvents(dict[int, KeptEvent]):
         core.events.append((OFFER, str(task.id), core.cause))
 
     def offer(self, topics: Container[EventTopic | None], cause: Cause) -> None:
-        """Raise again the kept events that a rule now waits for, after the events in the queue."""
+        """Raise the kept events again that a rule now waits for, after the events in the queue."""
         core = self._core
         for kept in self.values():
             if not kept.is_offered and core.topics.get(kept.topic) in topics:
@@ -55,7 +55,7 @@ class KeptEvents(dict[int, KeptEvent]):
                 core.events.append((OFFER, str(kept.task.id), cause))
 
     def stay(self, kept: KeptEvent) -> None:
-        """Keep an event, because no rule waits for it now."""
+        """Keep an event that no rule waits for now."""
         kept.is_offered = False
         if not kept.is_recorded:
             kept.is_recorded = True
@@ -73,7 +73,7 @@ class KeptEvents(dict[int, KeptEvent]):
         self._core.emit(EventRecord, "/" + kept.topic, kept.task.source, None)
 
     def take_back(self, kept: KeptEvent, reason: str) -> None:
-        """Take back an event, so that it no longer counts."""
+        """Withdraw an event, so that no rule can take it."""
         self._finish(kept, "taken-back", "CANCELED", reason)
 
     def take_all_back(self, reason: str) -> None:

@@ -2,8 +2,8 @@
 
     records, commands = kernel.handle(input)
 
-The state of a session changes here and nowhere else. The same scenario, seed and inputs give the same outputs, byte for
-byte. The first task record of a `Submit` is that of its own task.
+The state of a session changes only here. The same scenario, seed and inputs give the same outputs, byte for byte. The
+first task record of a `Submit` is that of its own task.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ from rise_engine.scenario.model import Scenario
 
 
 class Kernel:
-    """A session's state and its only way to change. Pure: it knows no clock, disk, robot, thread or screen.
+    """A session's state and its only way to change. Pure: it uses no clock, disk, robot, thread or screen.
 
-    From outside, a session is a `rise_engine.kernel.view.SessionView`, which is made of the records:
+    From outside, a session is a `rise_engine.kernel.view.SessionView`, made from its records:
 
         >>> from rise_engine.kernel.inputs import SessionStarted, Submit
         >>> from rise_engine.kernel.view import SessionView
@@ -76,14 +76,14 @@ class Kernel:
     """
 
     act_runner: ClassVar[type[ActRunner]] = ActRunner
-    """The class that runs acts. Exploring replaces it by one for whole acts (`author.explore.whole_acts`)."""
+    """The class that runs acts. Exploring replaces it by one for whole acts (`author.explore.act_traits.WholeActs`)."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         """A session that has not begun; raises nothing.
 
         Arguments:
             scenario: checked, as returned by `rise_engine.scenario.loader.load`.
-            seed: any whole number. All randomness comes from it: the same seed and inputs give the same records.
+            seed: any whole number, the source of all randomness: the same seed and inputs give the same records.
         """
         self.scenario = scenario
         self.seed = seed
@@ -107,18 +107,17 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs, waits or is about to be repeated, or a stop is unconfirmed. Rules do not count."""
+        """True while an act runs, waits or will soon be repeated, or a stop is unconfirmed. Rules do not count."""
         acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
         return bool(acts) or self.stop.status == "requested"
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
-        """The ended actions that the robot may still be executing, and that it can be asked to stop."""
+        """The open goals that the robot can be asked to stop."""
         return tuple(goal for goal in self.core.open_goals if goal.holds)
 
     def unfinished_goals(self) -> list[StartAction]:
-        """Everything that the robot may be doing now, for running and for ended actions. It is for an engine that
-        continues after another one has gone."""
+        """All actions, running or ended, that the robot may be doing, for an engine that continues the session."""
         running = self.scheduler.runner.running_goals()
         ended = [StartAction(goal.action, goal.type, {}, 0.0, accepted=goal.accepted) for goal in self.core.open_goals]
         return running + ended
@@ -130,10 +129,10 @@ class Kernel:
             input: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time. An input before the kernel's
                 own time counts as now. The first input of a session is a `SessionStarted`.
 
-        Returns the records, numbered without gaps in the order of events (`wall` is empty, because the kernel knows no
-        clock), and the commands (`rise_engine.kernel.commands`), to be executed in order after the records. The first
-        `TaskRecord` of a `Submit` is that of its own task. An impossible task is REJECTED there with the reason, so
-        requests raise nothing. An exception is a mistake in this program; do not use the kernel after it.
+        Returns the records and the commands (`rise_engine.kernel.commands`), to be executed in order after the records.
+        Records are numbered without gaps in the order of events; `wall` is empty, because the kernel has no clock. The
+        first `TaskRecord` of a `Submit` is that of its own task. An impossible task is REJECTED there with the reason,
+        so requests raise nothing. An exception is an error of this program; do not use the kernel after it.
 
             >>> from rise_engine.kernel import Kernel
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
@@ -170,7 +169,7 @@ class Kernel:
         if self._session_keys is not None:
             self._session_keys.update()
         self.rules.run_to_completion()
-        while self._session_keys is not None and self._session_keys.update():  # a rule in circles was ended
+        while self._session_keys is not None and self._session_keys.update():  # until a rule in a loop has ended
             self.rules.run_to_completion()
         if records:
             self.seq = records[-1].seq
@@ -179,7 +178,7 @@ class Kernel:
     # --- snapshot ---
 
     def snapshot(self) -> Snapshot:
-        """The kernel's whole state as a value that can be sent and shares nothing with the kernel.
+        """The kernel's whole state as an independent value that can be sent.
 
         Only between inputs; raises nothing. A kernel that is restored from it returns the same records and commands for
         the same inputs as this one.
@@ -227,7 +226,7 @@ class Kernel:
 
     @classmethod
     def restore(cls, scenario: Scenario, snapshot: Snapshot) -> Kernel:
-        """Return a kernel that continues exactly where the snapshot was taken.
+        """Return a kernel that continues exactly from the snapshot.
 
         Arguments:
             scenario: the scenario of the snapshot, read from the same files.
@@ -240,7 +239,7 @@ class Kernel:
         kernel = cls(scenario, snapshot.seed)
         try:
             kernel._restore(snapshot.copy())
-        except LookupError as error:  # a scenario without files has no hash that identifies it
+        except LookupError as error:  # the hash of a scenario without files does not identify it
             raise RiseError(f"the snapshot was taken of another scenario: it has no {error}") from error
         return kernel
 
@@ -271,11 +270,11 @@ class Kernel:
     # --- a changed scenario ---
 
     def why_not_take_over(self, scenario: Scenario) -> list[str]:
-        """Why the session cannot continue with this scenario now: sentences; empty if it can. Only between inputs."""
+        """Why the session cannot continue with this scenario now: sentences; empty: it can. Only between inputs."""
         return why_not_take_over(self.scenario, scenario, self.snapshot(), is_busy=self.is_busy)
 
     def _take_over(self, input: ScenarioChanged) -> None:
-        """Continue with the offered scenario. Memory, randomness, numbers and rules stay as they are."""
+        """Continue with the offered scenario. Memory, randomness, numbers and rules stay unchanged."""
         after, before, core = self.offered, self.scenario, self.core
         if after is None or after.hash != input.hash or before.hash != input.was:
             raise RiseError(f"the scenario {input.hash[:12]} is not the one that was offered")
@@ -335,7 +334,7 @@ class Kernel:
     def _timer_elapsed(self, timer: int) -> None:
         target, runner = self.core.timers.pop(timer, None), self.scheduler.runner
         if target is None:
-            return  # cancelled meanwhile
+            return  # it was cancelled
         if target.purpose in ("wait", "limit", "cancel", "repeat", "keep"):
             self.core.origin = int(target.owner)
         if target.purpose == "after":
@@ -352,14 +351,14 @@ class Kernel:
             runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
-        """Start a filler that is due, because nothing has answered the cue, unless something else is running."""
+        """Start a due filler, because nothing has answered the cue, unless something else is running."""
         self.wizard_marks.state.filler_timer = None
         name = self.wizard_marks.next_filler()
         if name is not None and not (self.is_busy or self.stop.latched or self.core.waits_for_wizard):
             self._handlers.start_filler(name, "engine")
 
     def _begin_session(self, input: SessionStarted) -> None:
-        """Set the memory of the condition before anything else can happen."""
+        """Set the memory of the condition, before anything else happens."""
         self.begun = input
         self._record_session("started", input.versions)
         memory = self.rules.memory
@@ -373,7 +372,7 @@ class Kernel:
         self._handlers.session_keys.begin(input.participant, input.condition, input.factors)
 
     def _resume_session(self, input: SessionRecovered) -> None:
-        """Continue rules and timers, and keep the latch. Nothing that the robot was doing is repeated automatically."""
+        """Continue rules and timers, and keep the latch. No action of the robot is repeated automatically."""
         self.core.waits_for_wizard |= input.waits_for_wizard
         self._record_session("recovered", input.versions, input.reason, input.downtime)
         self.scheduler.runner.lose_left()

@@ -18,16 +18,16 @@ class WorkingMemory:
     def __init__(self, core: Core, on_change: Callable[[str], None]) -> None:
         self._core = core
         self._on_change = on_change
-        """Called with each key that was written, because rules may watch it."""
+        """Called with each written key, because rules may watch it."""
         self._known_keys = core.scenario.known_keys
 
     def load_start_values(self) -> None:
-        """Write the scenario's start values, with `file` as their source in the record."""
+        """Write the scenario's start values. Their source in the record is `file`."""
         for key, value in self._core.scenario.memory.items():
             self.write(key, value, "file")
 
     def why_not_write(self, key: str) -> str:
-        """Why nobody may set or delete a key; empty if somebody may."""
+        """Why a key may not be set or deleted; empty: it may."""
         head = key.partition(".")[0]
         if self._core.scenario.reads_session and head == SESSION:
             return f"`{SESSION}` says how the session stands; it is the engine's, and cannot be set"
@@ -40,13 +40,13 @@ class WorkingMemory:
         )
 
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
-        """Return what assignments would write, by key. Raises EvaluationError; nothing is written in either case."""
+        """Return the values that assignments would write, by key. Raises EvaluationError. Nothing is written."""
         core = self._core
         for assignment in assignments:
             if problem := self.why_not_write(assignment.key):
                 raise EvaluationError(problem, assignment.text)
         so_far = ChainMap[str, Any]({}, core.memory)
-        """The memory with the values of the assignments before."""
+        """The memory with the values of the previous assignments."""
         written = []
         try:
             for assignment in assignments:
@@ -54,7 +54,7 @@ class WorkingMemory:
                 key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
                 so_far[key] = value
                 written.append((key, value))
-        finally:  # also after a failure, or a later evaluation would be recorded as reading those keys
+        finally:  # also after a failure, because later evaluations would report those keys
             self._note_missing_keys(assignments)
         return written
 
@@ -67,7 +67,7 @@ class WorkingMemory:
             self.write(key, value, source)
 
     def write(self, key: str, value: Any, source: str, *, part: str = "") -> None:
-        """Set a key. `part`: the only part of its value that differs, if there is just one."""
+        """Set a key. `part`: the only part of its value that differs; empty: several."""
         core = self._core
         memory = core.memory
         created = key not in memory

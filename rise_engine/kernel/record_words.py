@@ -1,6 +1,6 @@
 """Records in words, for transcripts, trials, explored paths, the console's notices and the log of ROS.
 
-Each of these only decides on the layout, the width of columns, and what to leave out.
+Each user of these words decides only on layout, column widths and omissions.
 """
 
 from __future__ import annotations
@@ -83,9 +83,9 @@ class RecordWords(NamedTuple):
     """The words of a record."""
 
     kind: str
-    """What it is about: `rule`, `act`, `robot`."""
+    """The subject's kind: `rule`, `act`, `robot`."""
     subject: str
-    """Which one, or its present state."""
+    """The subject's name, or its present state."""
     text: str
     """The statement about it."""
     link: str = " "
@@ -93,12 +93,12 @@ class RecordWords(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Without its kind and without a full stop."""
+        """The statement without its kind and full stop."""
         return f"{self.subject}{self.link}{self.text}" if self.subject and self.text else self.subject or self.text
 
     @property
     def full_sentence(self) -> str:
-        """With its kind."""
+        """The sentence with its kind."""
         return f"{self.kind} {self.sentence}".rstrip()
 
 
@@ -107,8 +107,8 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
 
     Arguments:
         record: any.
-        took: seconds that the task or action took that ends with it; None leaves this out.
-        sources: whether to name who asked for it, who reported it, and who takes part.
+        took: duration in seconds of the task or action that ends with it; None omits it.
+        sources: whether to name the requester, the reporter and the participant.
 
     >>> words_of(KeptRecord(1, 0.5, "", 7, "/yes", "kept", 2.0)).sentence
     '/yes is kept for 2 s: no rule waits for it yet'
@@ -185,7 +185,7 @@ def _task_text(record: TaskRecord, took: float | None, sources: bool) -> str:
 
 
 def parameters_text(parameters: dict[str, Any]) -> str:
-    """An action's parameters in short: a text or name by itself, a point as coordinates, the others by name."""
+    """An action's parameters in short: a text or name alone, a point as coordinates, the others by name."""
     rest = dict(parameters)
     parts = []
     if "message" in rest:
@@ -222,7 +222,7 @@ def _rule_words(record: RuleRecord) -> RecordWords:
 
 
 def trigger_text(trigger: str | None) -> str:
-    """What led a rule into a state, as the end of a sentence.
+    """The trigger that led a rule into a state, as the end of a sentence.
 
     >>> trigger_text("/tea"), trigger_text("ended Greet failed"), trigger_text("while calm after 2s")
     (' on /tea', ' when Greet failed', ' after 2s of calm')

@@ -16,17 +16,17 @@ ActionStatus: TypeAlias = Literal[
     "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
-"""What was wrong with something that a wizard did; `none`: nothing after all."""
+"""What was wrong with a wizard's deed; `none`: nothing, which takes a mark back."""
 FailureStatus: TypeAlias = Literal["asked", "waiting", "repeated", "gone-on", "dropped"]
 CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
-"""complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
-does not count, and their slot goes to the next participant of the same stratum."""
+"""complete: the run counts. aborted: the participant may run it again. excluded: the participant does not count, and
+the next participant of the stratum gets their slot."""
 Purpose: TypeAlias = Literal["counted", "pilot", "training", "debug"]
 """The purpose of a study's session. Only `counted` takes a slot and counts. Every session in debug mode is `debug`."""
 RecordingStatus: TypeAlias = Literal["started", "running", "stalled", "stopped", "failed"]
 ENGINE = "engine"
-"""The `source` of everything that the engine does by itself."""
+"""The `source` of everything that the engine does itself."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
 """Every action has exactly one record with one of these."""
 FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
@@ -41,38 +41,38 @@ class Record(Struct, tag_field="kind", gc=False):
     t: float
     """Seconds on the session's monotonic clock."""
     wall: str
-    """ISO 8601 with offset, for display only. Do not compute with it."""
+    """ISO 8601 with offset, only for display. Do not compute with it."""
 
 
 class OpenGoal(Struct, frozen=True, gc=False):
-    """Something that the robot may still be doing, although its action has ended for the session."""
+    """An action that has ended for the session but may still run on the robot."""
 
     part: str
-    """The part of the robot, for people: `pepper/speech`."""
+    """The part of the robot, as people read it: `pepper/speech`."""
     action: str
     """The goal id of the action: `<task>/<actionID>`."""
     type: str
     """What the robot does: `Speech`."""
     reason: str
-    """Why it is open, for people: `it refused to stop`."""
+    """Why it is open, as people read it: `it refused to stop`."""
     holds: bool = True
-    """The part gets nothing else until this has ended or somebody releases it. False: the part cannot be stopped."""
+    """The part gets nothing else until this has ended or is released. False: the part cannot be stopped."""
     accepted: bool = True
-    """The robot has accepted it; false: it has not answered, and may still begin."""
+    """Whether the robot has accepted it. Otherwise it has not answered, and may still begin."""
 
 
 def describe_open_goal(goal: OpenGoal) -> str:
-    """A sentence for people about something that the robot may still be doing."""
+    """Describe an open goal in a sentence."""
     return f"{goal.part} may still be doing {goal.type} ({goal.reason})"
 
 
 def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
-    """A text for people about what the robot may still be doing; empty if it is doing nothing."""
+    """Describe open goals; empty if there are none."""
     return "; ".join(map(describe_open_goal, goals))
 
 
 def look_at_robot_text(goals: Iterable[OpenGoal]) -> str:
-    """What people are told after the end of a session that has left these goals open; empty for none."""
+    """The warning at the end of a session that left these goals open; empty for none."""
     told = describe_open_goals(goals)
     return f"LOOK AT THE ROBOT: {told}" if told else ""
 
@@ -81,16 +81,16 @@ class SessionIdentity(Struct, frozen=True, kw_only=True):
     """A session's participant and place in its study, as in its first input, its first record and session.toml."""
 
     participant: str = ""
-    """The participant, as the wizard named them; empty: nobody was named."""
+    """The participant, as the wizard named them; empty: not named."""
     condition: str = ""
     factors: dict[str, Any] = {}
-    """The level of each factor, which together make the condition."""
+    """The level of each factor. Together they make the condition."""
     study: str = ""
     """The study's id; empty: the session belongs to no study, and the fields below are empty."""
     study_hash: str = ""
     """SHA-256 of its study.toml."""
     slot: int | None = None
-    """The row of its plan; null: the session takes none."""
+    """The row of its plan; null: none is taken."""
     run: int = 0
     """The number of this run among the participant's runs, from 1."""
     attempt: int = 0
@@ -124,19 +124,19 @@ class SessionRecord(Record, tag="session", kw_only=True):
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
     factors: dict[str, Any] = field(default_factory=dict)
-    """The nine fields from `participant` on are as in `SessionIdentity`."""
+    """The nine fields from `participant` on are those of `SessionIdentity`."""
     language: str = ""
-    """The language in which the robot speaks, as a BCP 47 tag; empty: the scenario does not name it."""
+    """The robot's spoken language (BCP 47); empty: the scenario does not name it."""
     downtime: float | None = None
     """recovered: seconds by the wall clock since the last sign of life of the earlier engine; null: unknown."""
     waits_for_wizard: bool = False
     """recovered: no act and no action begins until a wizard has control."""
     open: tuple[OpenGoal, ...] = ()
-    """ended: what the robot may still be doing."""
+    """ended: the robot's open goals."""
     driver: str = ""
-    """The driver of the robot: `simulated` moves none, whatever the mode. Empty: unknown."""
+    """The driver of the robot. `simulated` moves no robot, whatever the mode. Empty: unknown."""
     injected_faults: tuple[str, ...] = ()
-    """The faults that the simulated robot was told to make, as its driver documents them."""
+    """The requested faults of the simulated robot, as its driver documents them."""
     speed: float = 1.0
     """Session seconds in a second of the wall clock."""
 
@@ -150,15 +150,15 @@ class TaskRecord(Record, tag="task"):
     status: TaskStatus
     reason: str = ""
     position: int | None = None
-    """For a PENDING task: its position among the waiting ones, 0 first."""
+    """The position of a PENDING task among the waiting ones, 0 first."""
     ref: str | None = None
     """The submitter's name for it (a ROS goal id, a console's own number)."""
     cause: int | None = None
-    """The task that led to it (semantics.md 4.5). Null: somebody submitted it, or a timer or the robot's link did."""
+    """The task that caused it (semantics.md 4.5); null: a client, a timer or the robot's link did."""
     via: tuple[str, ...] = ()
     """The rules that led from that task to the rule in `source`, without the latter."""
     key_at: float | None = None
-    """When the key that requested it was pressed, by the console's clock. Null: no key did; or a later record of it."""
+    """When its key was pressed, by the console's clock; null: no key was, or this is a later record of the task."""
 
 
 class ActionRecord(Record, tag="action"):
@@ -171,7 +171,7 @@ class ActionRecord(Record, tag="action"):
     status: ActionStatus
     reason: str = ""
     sent_as: str | None = None
-    """The action that the robot performs instead, if it substitutes one."""
+    """The action that the robot performs instead; null: none."""
 
 
 class RuleRecord(Record, tag="rule"):
@@ -181,12 +181,12 @@ class RuleRecord(Record, tag="rule"):
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`. The
+    """The trigger: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`. The
     last three may end with `, without onEntry`."""
     transition: int | None = None
     """The index of the transition among those of `previous`, in document order."""
     priority: float = 0
-    """Its present priority on the stack (taking a transition raises it)."""
+    """Its present priority on the stack. Taking a transition raises it."""
     reason: str = ""
 
 
@@ -201,11 +201,11 @@ class ConditionRecord(Record, tag="condition"):
     state: str
     expression: str
     values: dict[str, Any]
-    """The keys that it read, with their values. A missing key is null and is listed in `missing`."""
+    """The keys that it read, with their values. A missing key is null and listed in `missing`."""
     result: bool
     error: str = ""
     missing: tuple[str, ...] = ()
-    """Missing keys, the first time that each is noticed."""
+    """Missing keys that no earlier record named."""
 
 
 class MemoryRecord(Record, tag="memory"):
@@ -225,17 +225,17 @@ class RobotRecord(Record, tag="robot"):
 
 class StopRecord(Record, tag="stop"):
     status: Literal["requested", "latched", "let-go", "released"]
-    """let-go: the emergency stop `source` is not pressed any more; everything stays stopped."""
+    """let-go: the emergency stop `source` was released; everything stays stopped."""
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     source: str = ""
     unstoppable: tuple[str, ...] = ()
     held_by: tuple[str, ...] = ()
-    """The emergency stops that are pressed. The stop cannot be released before they are let go."""
+    """The emergency stops that are pressed. They must be released before the stop can be."""
 
 
 def stopper_words(source: str) -> str:
-    """Who stopped everything, for people: an emergency stop by its place, anybody else by the source."""
+    """The source of a stop, for people: an emergency stop by its place, others by name."""
     name = source.removeprefix("estop:")
     return source if name == source else f"the emergency stop at {name}"
 
@@ -244,18 +244,18 @@ class ControlRecord(Record, tag="control"):
     """Control among several consoles."""
 
     status: Literal["taken", "asked", "given", "released"]
-    """asked: somebody without control asks for it; nothing has changed."""
+    """asked: a console asks for control; nothing has changed."""
     by: str
-    """Who did it."""
+    """The console that caused it."""
     holder: str | None
-    """Who holds control now; null: nobody."""
+    """The new holder of control; null: nobody."""
 
 
 class NoteRecord(Record, tag="note"):
     text: str
     source: str
     stood: float | None = None
-    """The engine has just stood still or could record nothing, for so many seconds of the wall clock."""
+    """Seconds of the wall clock for which the engine stood still or could not record."""
     suspended: bool = False
     """With `stood`: the computer was suspended, so session time stood still."""
 
@@ -264,10 +264,9 @@ class CueRecord(Record, tag="cue"):
     """The participant's turn has ended. The time until the robot answers counts from `at`."""
 
     status: Literal["marked", "filled", "answered", "undone"]
-    """filled: a filler has started; answered: the first other act has started, and the cue is over; undone: the cue was
-    taken back."""
+    """filled: a filler has started; answered: the first other act has started; undone: the cue was taken back."""
     source: str
-    """Who marked it or took it back; for the other two: who asked for the act."""
+    """marked, undone: the person; otherwise the source of the act."""
     text: str = ""
     """The remark of the person who marked it."""
     task: int | None = None
@@ -275,41 +274,41 @@ class CueRecord(Record, tag="cue"):
     since: float | None = None
     """Seconds from the cue until that act started."""
     key_at: float | None = None
-    """marked: when its key was pressed, by the console's clock. Null: no key marked it."""
+    """marked: when its key was pressed, by the console's clock; null: no key was."""
 
     @property
     def at(self) -> float:
-        """When it was marked: when its key was pressed or, without a key, when the engine took it."""
+        """When it was marked: the time of its key or, without a key, of the engine's input."""
         return self.t if self.key_at is None else self.key_at
 
 
 class MistakeRecord(Record, tag="mistake"):
-    """A wizard marks something as a mistake. The last mark of a task counts; `none` takes it back."""
+    """A wizard marks a task as a mistake. The last mark of a task counts; `none` takes it back."""
 
     task: int
     act: str
-    """The act that the task started, `say` for free speech; empty if the task did something else."""
+    """The act that the task started, `say` for free speech; empty: another kind of task."""
     mark: Mark
     source: str
 
 
 class FailureRecord(Record, tag="failure"):
-    """What happens after an act has failed, unless the scenario simply goes on (`on_failure`)."""
+    """The consequence of a failed act, unless the scenario simply goes on (`on_failure`)."""
 
     task: int
     act: str
     status: FailureStatus
-    """asked: the events of its end are held until somebody answers. waiting: they are held, and the act is repeated
-    after a pause unless somebody answers before. gone-on: they are raised. repeated: another task replaces it. dropped:
-    a stop ended the question, and they are not raised."""
+    """asked: the events of its end are held until an answer. waiting: they are held, and the act is repeated after a
+    pause unless an answer comes first. gone-on: they are raised. repeated: another task replaces it. dropped: a stop
+    ended the question, and they are not raised."""
     source: str
-    """Who decided it; `engine` if nobody had to."""
+    """The source of the decision; `engine`: none was needed."""
     by: int | None = None
     """repeated: the task that replaces it."""
     reason: str = ""
-    """asked, waiting: why the act failed. gone-on: how often, if it was repeated. dropped: what ended the question."""
+    """asked, waiting: why the act failed. gone-on: the number of attempts. dropped: what ended the question."""
     seconds: float | None = None
-    """waiting: how long the pause is; null: it begins when the robot is back."""
+    """waiting: the length of the pause; null: it begins when the robot is back."""
 
 
 class TimingRecord(Record, tag="timing"):
@@ -320,26 +319,26 @@ class TimingRecord(Record, tag="timing"):
     """`say` for free speech."""
     status: TaskStatus
     cue_at: float | None
-    """The participant's cue that it answers: the last one that only fillers had answered before."""
+    """The time of the participant's cue that it answers: the last one with only fillers since."""
     key_at: float | None
-    """The key that led to it was pressed, by the console's clock."""
+    """When the key was pressed that caused it, by the console's clock."""
     accepted_at: float
-    """The engine accepted the task."""
+    """When the engine accepted the task."""
     started_at: float | None
     robot_at: float | None
-    """The robot confirmed its first action."""
+    """When the robot confirmed its first action."""
     ended_at: float
     source: str = ""
-    """Who asked for it."""
+    """The source of the task."""
     filler: bool = False
-    """It was a filler after a cue: the `CueRecord` of this task has the status `filled`."""
+    """Whether it was a filler after a cue: the `CueRecord` of this task has the status `filled`."""
     voice_at: float | None = None
-    """The robot first confirmed one of its actions that uses the voice. The first sound comes later."""
+    """When the robot first confirmed an action that uses the voice. The sound begins later."""
 
 
 class CountdownRecord(Record, tag="countdown"):
-    """A rule has started or stopped counting a time that its state alone does not tell. (For a plain `after`, the entry
-    into the state is enough.) The end of the time is a `RuleRecord`."""
+    """A rule has started or stopped to count a time that depends on more than its state. (For a plain `after`, the
+    entry into the state is enough.) The end of the time is a `RuleRecord`."""
 
     rule: str
     state: str
@@ -348,7 +347,7 @@ class CountdownRecord(Record, tag="countdown"):
     status: Literal["began", "broken", "failed"]
     """broken: the condition does not hold any more. failed: the time could not be computed; it is never taken here."""
     seconds: float | None = None
-    """How long it counts."""
+    """The length of the time."""
     reason: str = ""
 
 
@@ -356,7 +355,7 @@ KeptStatus: TypeAlias = Literal["kept", "taken", "expired", "taken-back"]
 
 
 class KeptRecord(Record, tag="kept"):
-    """An event that no rule waited for is kept. One further record says how it ended."""
+    """An event that no rule waited for is kept. One later record reports its end."""
 
     task: int
     """The task that raised it."""
@@ -364,23 +363,23 @@ class KeptRecord(Record, tag="kept"):
     """With its slash."""
     status: KeptStatus
     seconds: float | None = None
-    """How much longer it is kept; only for `kept`."""
+    """The remaining time; only for `kept`."""
     rule: str | None = None
-    """The rule that has taken it."""
+    """The rule that took it."""
 
 
 class CheckRecord(Record, tag="check"):
     """The result of a check before or after the session, or why it was skipped. The last one of an id counts."""
 
     id: str
-    """As study.toml names it."""
+    """Its id in study.toml."""
     text: str
-    """What was checked: the sentence that somebody confirmed, or the program's description."""
+    """The subject of the check: the sentence that a person confirmed, or the program's description."""
     result: CheckResult
     value: str
-    """What was found: `34.1 GB free`."""
+    """The finding: `34.1 GB free`."""
     reason: str
-    """Why it failed, or why somebody skipped it."""
+    """Why it failed or was skipped."""
     source: str
 
 
@@ -407,17 +406,17 @@ class RecordingRecord(Record, tag="recording"):
 
 
 class SyncRecord(Record, tag="sync"):
-    """A mark that recordings contain at this moment: a sound, a flash."""
+    """A mark that recordings contain at this moment: a sound or a flash."""
 
     number: int
     medium: str
-    """How it can be perceived: `sound`, `flash`."""
+    """The kind of mark: `sound`, `flash`."""
     text: str
     source: str
     at: float | None = None
-    """Session time in seconds at which it began; null: at `t`, as far as is known."""
+    """Session time in seconds of its start; null: `t`, as far as known."""
     within: float | None = None
-    """The largest error of `at` in seconds; null: unknown."""
+    """The maximum error of `at` in seconds; null: unknown."""
 
 
 class ScenarioRecord(Record, tag="scenario"):
@@ -426,7 +425,7 @@ class ScenarioRecord(Record, tag="scenario"):
     hash: str
     """SHA-256 of the new scenario, comparable to `scenario_hash` of the session's first record."""
     was: str
-    """SHA-256 of the scenario before."""
+    """SHA-256 of the earlier scenario."""
     changes: tuple[str, ...]
     """The changes in words: `act R_Yes changed`."""
     source: str

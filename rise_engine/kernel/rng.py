@@ -6,7 +6,7 @@ _MASK = (1 << 64) - 1
 
 
 class Rng:
-    """SplitMix64 (Steele, Lea, Flood 2014). `state` is the complete state to save and restore."""
+    """SplitMix64 (Steele, Lea, Flood 2014). `state` is its complete state, to save and restore."""
 
     def __init__(self, state: int) -> None:
         self.state = state & _MASK

@@ -1,8 +1,8 @@
-"""The stack: which rules run, in which order, and which wait for what (semantics.md 6).
+"""The stack: the running rules in their order, and the events that each waits for (semantics.md 6).
 
-Costs depend on the takers, not on the number of running rules. The rule on top is asked first, because it moved last
-and usually moves next. Each topic has a list of the other rules that wait for it, in stack order. A rule joins the list
-when another one takes the top from it, so appending keeps the list sorted. Only a start below the top has to sort.
+Costs depend on the takers, not on the number of running rules. The top rule is asked first, because it moved last and
+usually moves next. Each topic has a list of the other rules that wait for it, in stack order. A rule joins the list
+when another one takes the top from it, so appending keeps the list sorted. Only a start below the top requires sorting.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class RuleRun:
     alive: bool = True
     timers: dict[int, CompiledTransition] = field(default_factory=dict)
     own_acts: dict[str, int] = field(default_factory=dict)
-    """For acts whose end it may wait for with `ended`: the latest task that it has started, by name."""
+    """The latest task of each act that the rule has started and may wait for with `ended`, by name."""
     latched: set[int] = field(default_factory=set)
     """Indexes of the state's eventless transitions that were taken and whose condition has been true since."""
     entries: deque[RuleRecord] = field(default_factory=partial(deque, maxlen=MAX_STEPS))
-    """The records of its latest states, the present one last. Keeping records avoids making new objects."""
+    """The records of its latest states, the present one last. Keeping records avoids new objects."""
     macrostep: int = -1
     """The macrostep (`Core.macrostep`) of its last step."""
     step_count: int = 0
@@ -49,7 +49,7 @@ class RuleRun:
         return [(record.state or "", record.seq) for record in self.entries]
 
     def remember(self, steps: Steps) -> None:
-        """Add states that it had before those that it will enter."""
+        """Add states from before the next one."""
         self.entries.extend(RuleRecord(seq, 0.0, "", self.name, "entered", state) for state, seq in steps)
 
 
@@ -61,12 +61,12 @@ def rank(run: RuleRun) -> tuple[float, int]:
 class RuleStack(dict[str, RuleRun]):
     """The running rules by name, bottom first."""
 
-    __slots__ = ("recency", "top")  # without slots, an event costs a twentieth more (benchmarks/kernel_events)
+    __slots__ = ("recency", "top")  # without slots, an event costs 5 % more (benchmarks/kernel_events)
 
     def __init__(self) -> None:
         super().__init__()
         self.top: RuleRun | None = None
-        """The last of the rules, and the only one in no wait list."""
+        """The highest rule, and the only one in no wait list."""
         self.recency = 0
         """The highest recency of any rule so far."""
 
@@ -78,7 +78,7 @@ class RuleStack(dict[str, RuleRun]):
         self.add(run)
 
     def add(self, run: RuleRun) -> None:
-        """Add a rule at the place of its rank."""
+        """Insert a rule by its rank."""
         self[run.name] = run
         if self.top is None or rank(run) > rank(self.top):
             if self.top is not None:
@@ -104,7 +104,7 @@ class RuleStack(dict[str, RuleRun]):
             remove_from_lists(self.top, self.top.state.wait_lists)
 
     def promote(self, run: RuleRun) -> None:
-        """Move a rule to the top, with the highest priority: the latest is the most relevant (paper, 4.2.2)."""
+        """Move a rule to the top, with the highest priority: the latest rule is the most relevant (paper, 4.2.2)."""
         top = self.top
         if top is None or top is run:
             return
@@ -119,13 +119,11 @@ class RuleStack(dict[str, RuleRun]):
 
 
 def append_to_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
-    """Append a rule to lists."""
     for rules in lists:
         rules[run] = None
 
 
 def remove_from_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
-    """Remove a rule from lists."""
     for rules in lists:
         del rules[run]
 
@@ -134,9 +132,9 @@ def remove_from_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
 
 
 STEP_LIMIT = 1_000
-"""Steps (starts and transitions) of one rule in one macrostep before the rule that keeps it going is searched for."""
+"""The number of steps (starts and transitions) of one rule in one macrostep before the culprit is searched for."""
 MAX_VAIN_SEARCHES = 100
-"""How often that search may fail in one macrostep before the macrostep counts as endless."""
+"""The number of failed searches in one macrostep before the macrostep counts as endless."""
 
 MULTIPLIED = (
     f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to "
@@ -149,12 +147,12 @@ class Culprit(Struct, frozen=True):
 
     name: str
     steps: int
-    """How many steps of the chain are its own."""
+    """The number of its own steps in the chain."""
     others: tuple[str, ...]
     """The other rules that occur in the chain more than once."""
 
     def reason(self, steps: int) -> str:
-        """Why it was stopped after this many steps; a sentence for people."""
+        """Why it was stopped after this many steps, in a sentence for people."""
         if not self.others:
             probably = "probably two of its states lead to each other by events that they raise themselves"
         else:
@@ -164,16 +162,16 @@ class Culprit(Struct, frozen=True):
 
 
 def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int] | None) -> Culprit | None:
-    """The running rule with the most steps in a chain of causes, at least two; of equals, the one that stepped first.
+    """The running rule with the most steps in a chain of causes, at least two; of equals, the first.
 
-    Without such a rule, there is no known loop: None, or `fallback` (a rule and its steps).
+    Without such a rule there is no known loop: None, or `fallback` (a rule and its steps).
     """
     steps: dict[str, int] = {}
     while chain is not None:
         name, chain = chain
         if isinstance(name, int):
             continue
-        steps[name] = steps.pop(name, 0) + 1  # at the end, the first rule of the chain is the last here
+        steps[name] = steps.pop(name, 0) + 1  # moved to the end, so that the first rule of the chain ends up last
     repeated = [name for name, number in steps.items() if number > 1]
     most = max((steps[name] for name in repeated if name in running), default=0)
     if most:
@@ -184,7 +182,7 @@ def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int
 
 
 def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:
-    """The running rule that has raised most of the waiting events, if a running rule has raised any."""
+    """The running rule that raised most of the waiting events; None: no running rule did."""
     raised = Counter(cause[0] for _, _, cause in events if cause is not None and cause[0] in running)
     most = raised.most_common(1)
     return str(most[0][0]) if most else None

@@ -1,11 +1,11 @@
 """The rules: run to completion, one taker per event (semantics.md 5, semantics.md 6).
 
 In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): everything that one input causes is a macrostep. Each
-transition that a rule takes in it is a microstep, here a *step*. The functions in `onEntry` and `onExit` are executable
-content, here *blocks* of ops. A transition without event or time is eventless. Unlike in SCXML, several machines (the
-rules) share one queue of events, and at most one of them takes an event.
+transition taken in it is a microstep, here a *step*. The functions in `onEntry` and `onExit` are executable content,
+here *blocks* of ops. A transition without event or time is eventless. Unlike in SCXML, several machines (the rules)
+share one queue of events, and at most one of them takes an event.
 
-Functions run on an explicit list of frames, not on Python's stack. So rules can start rules ten thousand deep.
+Functions run on an explicit list of frames instead of Python's stack. So rules can start rules ten thousand deep.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ from rise_engine.kernel.stop import StoodRule
 from rise_engine.kernel.waits import OwnActs, begin_countdown, break_countdown
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
-"""The rest of a block: the rule, the next step, whether a state has been entered when the block ends, the transition
+"""The rest of a block: the rule, the next step, whether the end of the block completes a state's entry, the transition
 that then enters its target, and the cause."""
 
 WITHOUT_ENTRY = ", without onEntry"
-"""The end of the trigger of a rule that begins or continues in a state without running its onEntry."""
+"""The end of the trigger of a rule that enters a state without running its onEntry."""
 
 
 class RuleMachine:
@@ -59,7 +59,7 @@ class RuleMachine:
     def __init__(self, core: Core, submit: Callable[[str, str, str], None]) -> None:
         self._core = core
         self._submit = submit
-        """(function, behavior, source): the path of all other DomainTasks."""
+        """(function, behavior, source): submits all other DomainTasks."""
         self.memory = WorkingMemory(core, self._reevaluate_watchers)
         self._watchers: dict[str, RuleList] = {}
         self.compiled = {
@@ -67,28 +67,28 @@ class RuleMachine:
         }
         """All rules of the scenario, compiled."""
         self.on_stopped: Callable[[RuleRun], None] = lambda run: None
-        """Called with each rule that somebody, or a fault, stops."""
+        """Called with each rule that a task or a fault stops."""
         self._has_tables = bool(core.tables)
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
         """Rules whose eventless transitions must be evaluated, with the cause."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """For ended rules: the macrostep of their last step, and the number of their steps in it. A rule that is
-        stopped and started again within one macrostep continues to count."""
+        """The macrostep and number of the last steps of ended rules: a rule that is started again within it continues
+        to count."""
         self.kept = KeptEvents(core)
         self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
-        """The last macrostep in which a rule took more than STEP_LIMIT steps without a culprit, and how often."""
+        """The last macrostep in which a search found no culprit, and the number of such searches in it."""
 
     # --- start and end ---
 
     def start(self, name: str, task: Task, on_top: bool, state: str | None = None, enter: bool = True) -> None:
         """Start a rule that is not running.
 
-        :param on_top: put it above all others, because a rule started it.
-        :param state: the state in which it begins; None: its initial state.
-        :param enter: run `onEntry` there; otherwise the rule only waits.
+        :param on_top: put it above all others: a rule started it.
+        :param state: its first state; None: the initial one.
+        :param enter: run `onEntry` there; otherwise it only waits.
         """
         rule = self.compiled[name]
         run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
@@ -96,8 +96,8 @@ class RuleMachine:
         self._begin(run, "start", enter)
 
     def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
-        """Start a rule in the state in which everything was stopped, above all others of its old priority. Without
-        `enter`, it only waits there, and the conditions that it had already taken stay taken."""
+        """Start a rule in the state where everything was stopped, above all others of its old priority. Without
+        `enter`, it only waits there, and conditions that were already taken stay taken."""
         run = RuleRun(stood.name, self.compiled[stood.name].states[stood.state], task, stood.priority)
         run.remember(stood.steps[:-1])
         if not enter:
@@ -115,13 +115,13 @@ class RuleMachine:
     # --- a step back ---
 
     def changed_since_step(self, run: RuleRun) -> dict[str, ValueBefore]:
-        """The keys that have changed since the previous state was entered, with their values from then."""
+        """The keys that changed since the previous state was entered, with their values from then."""
         before = step_before(run.steps)
         log = self._core.memory_log
         return log.changed_since(before[1], self._core.memory) if before is not None else {}
 
     def step_back(self, run: RuleRun, enter: bool) -> None:
-        """Return a rule to its known previous state without onExit. Without `enter`, the rule only waits there."""
+        """Return a rule to its known previous state without onExit. Without `enter`, it only waits there."""
         core, previous = self._core, run.state
         run.entries.pop()
         id = run.entries.pop().state or ""
@@ -139,17 +139,17 @@ class RuleMachine:
         self._on_entered(run, (run.name, core.cause), enter)
 
     def _note_step(self, run: RuleRun) -> None:
-        """Note that a rule has entered its state, as the last record says."""
+        """Note that a rule entered its state, by the last record."""
         record = self._core.records[-1]
         assert isinstance(record, RuleRecord)
         run.entries.append(record)
 
     def _trim_log(self) -> None:
-        """Keep earlier values of the memory only for steps that a rule can still go back."""
+        """Keep earlier values of the memory only for steps that a rule can still undo."""
         self._core.memory_log.trim((run.steps for run in self.stack.values()), 4 * len(self.stack))
 
     def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
-        """Let a rule that was just put on the stack enter its first state."""
+        """Let a rule that has just joined the stack enter its first state."""
         name = run.name
         trigger += "" if enter else WITHOUT_ENTRY
         append_to_lists(run, run.state.watch_lists)
@@ -169,7 +169,7 @@ class RuleMachine:
         self._end(self.stack[name], "stopped", "CANCELED", reason)
 
     def stop_all(self, reason: str) -> None:
-        """End every rule, the top one first, and drop the events that they have raised."""
+        """End every rule, the top one first, and drop the events that they raised."""
         for name in list(reversed(self.stack)):
             self.stop(name, reason)
         self.kept.take_all_back(reason)
@@ -198,7 +198,7 @@ class RuleMachine:
     # --- snapshot ---
 
     def snapshot(self) -> RulesSnapshot:
-        """The state of the rules between inputs. It shares its parts with them."""
+        """The state of the rules between inputs, which shares its parts with them."""
         step = self._core.macrostep
         running = [
             RuleSnapshot(
@@ -219,7 +219,8 @@ class RuleMachine:
         return RulesSnapshot(running, ended, self.stack.recency, list(self.kept.values()))
 
     def restore(self, snapshot: RulesSnapshot) -> None:
-        """Restore the rules; nothing runs. Raises LookupError for a rule or a state that the scenario does not have."""
+        """Restore the rules without running anything. Raises LookupError for a rule or state that the scenario
+        lacks."""
         step = self._core.macrostep
         for rule in snapshot.running:
             compiled = self.compiled[rule.name]
@@ -259,7 +260,7 @@ class RuleMachine:
                 topic, source, core.cause = events.popleft()
                 run = stack.top
                 transition = run.state.by_topic.get(topic) if run is not None else None
-                # Mostly the top rule takes it without a condition: then there is nothing to search.
+                # Usually the top rule takes it without a condition, so nothing needs to be searched.
                 if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
                 if run is not None and transition is not None:
@@ -292,7 +293,7 @@ class RuleMachine:
         return transition
 
     def _route_kept(self, task: int) -> None:
-        """Give a kept event to a rule that takes it now; otherwise keep it."""
+        """Give a kept event to a rule that takes it now, or keep it."""
         kept = self.kept.get(task)
         if kept is None:
             return
@@ -309,7 +310,7 @@ class RuleMachine:
             self._take_transition(run, transition)
 
     def _take_eventless(self) -> None:
-        """Let the highest of the rules that must be evaluated take an eventless transition."""
+        """Let the highest rule in `_to_reevaluate` take an eventless transition."""
         run = max(self._to_reevaluate, key=rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
         self._core.cause = self._to_reevaluate.pop(run)
         for transition in run.state.eventless:
@@ -320,7 +321,7 @@ class RuleMachine:
                     run.latched.add(transition.index)
                     begin_countdown(self._core, run, transition)
                     continue
-                # It is taken when it *becomes* true. If the rule stays in the state, it must become false in between.
+                # It is taken when it *becomes* true. If the rule stays in the state, it must become false first.
                 if not held and transition.index not in run.latched:
                     run.latched.add(transition.index)
                     self._take_transition(run, transition)
@@ -338,7 +339,7 @@ class RuleMachine:
             self._take_transition(run, transition)
 
     def _reevaluate_watchers(self, key: str) -> None:
-        """Mark the rules that watch a key, so that their eventless transitions are evaluated."""
+        """Mark the rules that watch a key for evaluation of their eventless transitions."""
         if self._core.memory_log.is_full and self.stack:  # stopped rules may still be resumed
             self._trim_log()
         if runs := self._watchers.get(key):
@@ -347,8 +348,8 @@ class RuleMachine:
     # --- transitions ---
 
     def _take_transition(self, run: RuleRun, transition: CompiledTransition) -> None:
-        """Take a transition (a microstep), immediately if no functions come first. Written inline, because it is the
-        inner part of the cost of an event."""
+        """Take a transition (a microstep), immediately if no functions come first. Inlined: it dominates the cost of an
+        event."""
         core = self._core
         step = core.macrostep
         steps = run.step_count + 1 if run.macrostep == step else 1
@@ -358,7 +359,7 @@ class RuleMachine:
             if not self._stop_runaway(run):
                 return
             steps = run.step_count
-            run.step_count = 0  # the present step will be the first that counts again
+            run.step_count = 0  # the present step is the first that counts again
         state = transition.entered_at_once
         if state is None:
             self._push_functions(run, transition, steps)
@@ -394,13 +395,13 @@ class RuleMachine:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
     def _push_functions(self, run: RuleRun, transition: CompiledTransition, steps: int) -> None:
-        """Schedule the functions of a transition that does not enter its target immediately: onExit, its own functions,
-        and, with a target, the move itself and then onEntry."""
+        """Schedule the functions of a transition that cannot enter its target immediately: onExit, its own, the move,
+        onEntry."""
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
         if transition.entry_after_actions is not None:
-            # Innermost last: onExit, the transition's own functions, then the move to its target, which is the step.
+            # The last frame runs first: onExit, the transition's own functions, then the move, which is the step.
             frames.append((run, None, False, transition.entry_after_actions, before))
             frames.append((run, transition.block, False, None, cause))
             frames.append((run, run.state.exit, False, None, cause))
@@ -413,7 +414,7 @@ class RuleMachine:
             frames.append((run, transition.block, True, None, cause))
 
     def _on_entered(self, run: RuleRun, cause: Cause, enter: bool = True) -> None:
-        """Start the timers of a state that was entered, and, with `enter`, its onEntry."""
+        """Start the timers of an entered state and, with `enter`, its onEntry."""
         state = run.state
         for timed in state.delayed:
             begin_countdown(self._core, run, timed)
@@ -423,7 +424,7 @@ class RuleMachine:
             self._after_onentry(run, cause)
 
     def _after_onentry(self, run: RuleRun, cause: Cause) -> None:
-        """Handle the end of a state's onEntry: a final state ends the rule, any other one is evaluated."""
+        """Handle the end of a state's onEntry: a final state ends the rule; any other is evaluated."""
         if run.state.final:
             self._core.cause = cause
             self._end(run, "ended", "SUCCEEDED")
@@ -433,10 +434,10 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the rule that keeps it going, which the
-        chain of causes shows (semantics.md 6.4). Returns whether the step is still taken."""
+        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the culprit, which the chain of causes
+        shows (semantics.md 6.4). Returns whether the step is still taken."""
         core = self._core
-        resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
+        resumed = core.continued_macrostep == core.macrostep  # whether the chain began in an earlier input
         culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
         if culprit is None:
             self._stop_multiplier()
@@ -447,8 +448,8 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Stop the rule that has raised most of the waiting events, if there is no loop but practically no end: thirty
-        rules that each answer an event with two events for the next rule take a billion steps."""
+        """Stop the rule that raised most of the waiting events, if a macrostep without a loop is practically endless:
+        thirty rules that each answer an event with two events for the next rule take a billion steps."""
         core = self._core
         macrostep, times = self._vain_searches
         self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)
@@ -460,7 +461,7 @@ class RuleMachine:
     # --- functions ---
 
     def _run_actions(self) -> None:
-        """Run executable content: the innermost block to its end, then the one around it, until none is left."""
+        """Run executable content, the innermost block first, until none is left."""
         frames = self._frames
         core = self._core
         while frames:
@@ -495,7 +496,7 @@ class RuleMachine:
                 elif kind == CALL:
                     frames.append((run, op.next, entered, entering, cause))
                     self._submit(op.function, op.argument, op.source)
-                    break  # the started functions run first, and may have stopped this rule
+                    break  # the started functions run first, and may stop this rule
                 else:
                     op = op.choices[core.rng.integer_below(len(op.choices))]
             else:
@@ -540,7 +541,7 @@ class RuleMachine:
         return result
 
     def _abridge_tables(self, values: dict[str, Any]) -> None:
-        """Record only the size of a table that a condition has read as a whole."""
+        """Record only the size of a table that a condition read as a whole."""
         tables = self._core.scenario.tables
         for key in tables.keys() & values:
             values[key] = tables[key].size_text
@@ -555,6 +556,6 @@ class RuleMachine:
 
 
 def _taken_conditions(run: RuleRun) -> list[int]:
-    """The transitions whose condition was taken and has held since. Transitions that still count a time are left out,
-    because the time ends with the rule and starts anew."""
+    """The transitions whose condition was taken and has held since. Times that still run end with the rule, so their
+    transitions are omitted."""
     return sorted(run.latched - {timed.index for timed in run.timers.values()})

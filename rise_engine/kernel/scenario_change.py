@@ -1,7 +1,7 @@
-"""Takes over a changed scenario in a running session (semantics.md 12.5): when that is possible, and what is kept.
+"""The takeover of a changed scenario by a running session (semantics.md 12.5): when it is possible, and what is kept.
 
-Rules stay in their states and continue to count. Transitions are matched by their content, not by their number, because
-the order may have changed. This module translates the numbers in a snapshot to those of the new scenario.
+Rules stay in their states and continue to count. Transitions are matched by their content, because their order may have
+changed. Their numbers in a snapshot are translated to those of the new scenario.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _Identity = tuple[bytes, int]
 
 
 def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, is_busy: bool) -> list[str]:
-    """Why a session cannot continue with `after` now: sentences; empty if it can.
+    """Why a session cannot continue with `after` now: sentences; empty: it can.
 
     :param before: the session's scenario.
     :param after: checked, and read for the same robot and mode.
@@ -99,7 +99,7 @@ def _new_target(target: TimerTarget, numbers: Mapping[str, Mapping[int, int]]) -
 
 
 def _known_steps(history: list[tuple[str, int]], rule: Rule) -> list[tuple[str, int]]:
-    """The latest states of a rule, as far back as all of them still exist, so that it can go back to them."""
+    """The latest states of a rule for steps back, as far back as all of them still exist."""
     known: list[tuple[str, int]] = []
     for step in reversed(history):
         if step[0] not in rule.states:
@@ -109,7 +109,7 @@ def _known_steps(history: list[tuple[str, int]], rule: Rule) -> list[tuple[str, 
 
 
 def _same_variants(name: str, before: Scenario, after: Scenario) -> bool:
-    """Whether an action (`ACT/ID`) has as many variants as before, so that the last pick means the same."""
+    """Whether an action (`ACT/ID`) still has as many variants, so that its last pick keeps its meaning."""
     return _variants(before, name) == _variants(after, name) != 0
 
 
@@ -120,7 +120,7 @@ def _variants(scenario: Scenario, name: str) -> int:
 
 
 def _new_numbers(before: State, after: State) -> dict[int, int]:
-    """The new number of each transition of a state that is still there unchanged."""
+    """The new number of each unchanged transition of a state."""
     there = {identity: number for number, identity in enumerate(_identities(after.transitions))}
     numbers = enumerate(_identities(before.transitions))
     return {number: there[identity] for number, identity in numbers if identity in there}
@@ -160,7 +160,7 @@ def _without_locations(value: Any) -> Any:
 
 
 def changes_in_words(before: Scenario, after: Scenario) -> tuple[str, ...]:
-    """The changes, for the record: a sentence for each act and rule, and for each of the other parts."""
+    """The changes, for the record: a sentence for each act and rule, and for each other part."""
     changes = [*_named_changes("act", before.acts, after.acts), *_named_changes("rule", before.rules, after.rules)]
     for what, one, other in (
         ("key", before.keys, after.keys),

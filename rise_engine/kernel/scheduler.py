@@ -1,8 +1,8 @@
 """The task scheduler: which act runs, and which waits (semantics.md 3).
 
 Blocking acts run one at a time, in the order of the queue. A None act runs beside them unless it needs a channel of the
-running Blocking act. When a Blocking act needs the channel of a running None act, the None act is interrupted first.
-An Interrupt act is a Blocking act that does not wait: the running Blocking act is stopped, and it goes first.
+running Blocking act. When a Blocking act needs the channel of a running None act, the None act is interrupted first. An
+Interrupt act is a Blocking act that does not wait: the running Blocking act is stopped for it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Scheduler:
         self._failures = failures
         failures.add, failures.finish, failures.advance = self._add_again, self._raise_end, self.advance
         self.on_ended: Callable[[Task, ActOutcome], None] = lambda task, outcome: None
-        """Called with each task that has ended, before its events are raised."""
+        """Called with each ended task before its events are raised."""
         self.runner = act_runner(core, self._finish_act)
         self._advancing = False
         self._advance_again = False
@@ -64,7 +64,7 @@ class Scheduler:
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
-        """Move a waiting task to another position; the others keep their order."""
+        """Move a waiting task to another position. The others keep their order."""
         self.waiting.remove(task)
         position = min(position, len(self.waiting))
         self.waiting.insert(position, task)
@@ -99,7 +99,7 @@ class Scheduler:
         """Start every task that may start. Called after each addition, move or end."""
         self._advance_again = True
         if self._advancing:
-            return  # an act ended while it was being started; the loop below runs again
+            return  # an act ended during its start; the loop below runs again
         self._advancing = True
         while self._advance_again:
             self._advance_again = False
@@ -107,7 +107,7 @@ class Scheduler:
         self._advancing = False
 
     def let_go(self) -> None:
-        """Begin what has waited for a wizard: first the next actions of all acts that run, then the line."""
+        """Start what waited for a wizard: first the next actions of running acts, then the waiting tasks."""
         if self._core.waits_for_wizard:
             self._core.waits_for_wizard = False
             self._advancing = True
@@ -135,11 +135,11 @@ class Scheduler:
             self.runner.cancel(run, reason)
         channels = self._channels(task)
         self._end_pauses([failed for failed in self._failures.pausing if self._channels(failed) & channels], reason)
-        # An act that only waits ends within cancel(). One on the robot ends when the robot has confirmed.
+        # An act that only waits ends within cancel(). One on the robot ends when the robot confirms.
         return not self._runs_on_channels_of(task)
 
     def _end_pauses(self, failed: list[Task], reason: str) -> None:
-        """Do not repeat these acts, because they would be cancelled now if they ran."""
+        """Do not repeat these acts: if they were running, they would be cancelled now."""
         if failed:
             self._failures.stop(failed, "engine", reason)
 
@@ -191,7 +191,7 @@ class Scheduler:
         core, name = self._core, act_name(task)
         outcome = _OUTCOMES[task.status]
         before = core.cause
-        if core.origin is None:  # the robot is lost: this act is the cause of what rules do about that
+        if core.origin is None:  # after a lost robot, this act is the cause of the rules' steps
             core.cause = (task.id, before)
         self.on_ended(task, outcome)
         core.raise_event_if_named(f"{name}_{outcome}")
@@ -203,7 +203,7 @@ class Scheduler:
 
 
 def _is_exclusive(task: Task) -> bool:
-    """Whether a task is one of those that run one at a time: Blocking and Interrupt."""
+    """Whether a task runs alone among its kind: Blocking or Interrupt."""
     return task.calling_type != "None"
 
 

@@ -13,8 +13,8 @@ from rise_engine.scenario.model import SESSION
 
 
 class SessionKeys:
-    """Keeps `session` up to date. It changes only after tasks and inputs, so that changes that are reversed within one
-    do not show, such as the silence between two sentences of an act."""
+    """Keeps `session` up to date. It changes only after tasks and inputs, so that a change reversed within one, such as
+    the silence between two sentences of an act, does not show."""
 
     def __init__(self, core: Core, memory: WorkingMemory, runner: ActRunner, stop: StopLatch) -> None:
         self._core = core

@@ -1,5 +1,4 @@
-"""The kernel's whole state as a value, taken between inputs (`Kernel.snapshot`) and restored (`Kernel.restore`). It is
-plain data, so it can be encoded as JSON and decoded again."""
+"""The kernel's state as plain data, taken between inputs (`Kernel.snapshot`) and restored (`Kernel.restore`)."""
 
 from __future__ import annotations
 
@@ -28,14 +27,14 @@ class RuleSnapshot(Struct, frozen=True):
     priority: float
     recency: int
     timers: dict[int, int]
-    """From timer to the index of its transition in the state. An index is only valid in the very scenario of the
-    snapshot, as is everything else in it; so `Snapshot.scenario` is compared first."""
+    """The index of the transition in the state, by timer. Like everything else here, an index is valid only for the
+    scenario of the snapshot, so `Snapshot.scenario` is compared first."""
     latched: list[int]
     own_acts: dict[str, int]
     history: list[tuple[str, int]]
     """As `RuleRun.steps`."""
     steps: int
-    """Transitions that it has taken in the macrostep to which further timers of the same moment would belong."""
+    """Its transitions in the macrostep to which further timers of the same moment would belong."""
 
 
 class RulesSnapshot(Struct, frozen=True):
@@ -55,7 +54,7 @@ class Snapshot(Struct, frozen=True):
     """Everything that a kernel needs to continue."""
 
     scenario: str
-    """The hash of the scenario's files. With other files, the snapshot is meaningless."""
+    """The hash of the scenario's files. With other files, the snapshot has no meaning."""
     seed: int
     t: float
     seq: int
@@ -76,7 +75,7 @@ class Snapshot(Struct, frozen=True):
     stood: list[StoodRule]
     held_by: list[str]
     stops: int
-    """How many stops were requested."""
+    """The number of requested stops."""
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None

@@ -9,12 +9,12 @@ from rise_engine.scenario.speech.ssml import begins_as_ssml, literal_ssml
 from rise_engine.scenario.speech.template import Template
 
 SAY = "say"
-"""The function of the task, and the name of the act and of its only action in records and events (`/say_end`)."""
+"""The function of the task, and the name of the act and its only action in records and events (`/say_end`)."""
 SPEECH = "Speech"
 
 
 def find_act(scenario: Scenario, task: Task) -> Act:
-    """The act that a task of the scheduler runs."""
+    """Return the act that a task of the scheduler runs."""
     return _speech_act(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
 
 
@@ -24,7 +24,7 @@ def act_name(task: Task) -> str:
 
 
 def why_not_speak(scenario: Scenario) -> str:
-    """Why the scenario's robot cannot speak; empty if it can."""
+    """Why the scenario's robot cannot speak; empty: it can."""
     spec = scenario.robot.actions.get(SPEECH)
     if spec is not None and (spec.supported or spec.substitute is not None):
         return ""
@@ -33,7 +33,7 @@ def why_not_speak(scenario: Scenario) -> str:
 
 def _speech_act(scenario: Scenario, text: str) -> Act:
     said = literal_ssml(text) if begins_as_ssml(text) else text  # a wizard types text, not markup
-    message = Template(said, (said,))  # literal: braces in it are said
+    message = Template(said, (said,))  # literal: braces are spoken
     spec, parameters = scenario.robot.actions[SPEECH], {MESSAGE: message}
     if scenario.says_language and LANGUAGE in spec.parameters:
         parameters[LANGUAGE] = Template(scenario.language, (scenario.language,))

@@ -1,4 +1,4 @@
-"""Stop-all: requested immediately, answered by the robot or a time limit, latched until it is explicitly released."""
+"""Stop-all: requested immediately, answered by the robot or a time limit, and latched until it is released."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rise_engine.kernel.inputs import StopReport
 from rise_engine.kernel.records import StopRecord, stopper_words
 
 STOP_LIMIT = 3.0
-"""Seconds that the robot has to answer a stop-all. After that it counts as unconfirmed."""
+"""Seconds for the robot to answer a stop-all. After that it counts as unconfirmed."""
 
 
 class StoodRule(Struct, frozen=True):
@@ -39,11 +39,11 @@ class StopLatch:
         """requested: the robot has not answered yet."""
         self.timer: int | None = None
         self.stood: list[StoodRule] = []
-        """The rules that the stop has ended, the bottom of the stack first, until it is released."""
+        """The rules that the stop ended, the bottom of the stack first, until it is released."""
         self.held_by: list[str] = []
-        """The sources of the emergency stops that are pressed, in order."""
+        """The sources of the pressed emergency stops, in order."""
         self.count = 0
-        """How many stops were requested so far: the number of the last one."""
+        """The number of requested stops, which is the number of the last one."""
 
     @property
     def latched(self) -> bool:
@@ -57,7 +57,7 @@ class StopLatch:
         self._core.emit(StopRecord, "requested", source=source, held_by=tuple(self.held_by))
 
     def let_go(self, source: str) -> None:
-        """Note that an emergency stop is no longer pressed. This releases nothing."""
+        """Note that an emergency stop is no longer pressed. The stop stays latched."""
         self.held_by.remove(source)
         self._core.emit(StopRecord, "let-go", source=source, held_by=tuple(self.held_by))
 
@@ -67,7 +67,7 @@ class StopLatch:
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
     def ask_again(self) -> None:
-        """Ask the robot again, because the answers went to an earlier engine, and so did what began after them."""
+        """Ask the robot again. The earlier engine got the answers, and actions may have begun after them."""
         if self.status == "requested":
             self.ask_robot()
         elif self.status == "latched":
@@ -75,7 +75,7 @@ class StopLatch:
             self._record_no_answer()
 
     def record_answer(self, answer: StopReport) -> None:
-        """Record the robot's first or a later answer, also after the time limit, but not after the release."""
+        """Record an answer of the robot, also after the time limit, but not after the release."""
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
@@ -93,7 +93,7 @@ class StopLatch:
         self._core.emit(StopRecord, "latched", unconfirmed=(robot,), held_by=tuple(self.held_by))
 
     def why_not_release(self, seen: int | None) -> str:
-        """Why it cannot be released now; empty if it can. `seen`: the number of the stop that a person means."""
+        """Why it cannot be released now; empty: it can. `seen`: the number of the stop that a person means."""
         if self.status == "released":
             return "nothing is stopped"
         if self.held_by:

@@ -1,7 +1,7 @@
 """The effect of each function of a DomainTask (semantics.md 1.1): the six of RISE and the console's own.
 
-Every task leaves at least one record. The first task record of a `Submit` is that of its own task. Only a note about
-a missing memory value that an assignment reads may precede it.
+Every task leaves at least one record. The first task record of a `Submit` is that of its own task. Only notes about
+missing memory values, which an assignment reads, may come before it.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class TaskHandlers:
     # --- acts ---
 
     def _start_act(self, task: Submit, cause: int | None = None) -> None:
-        """`cause`: the task whose consequence this one is, if no rule asks for it."""
+        """`cause`: the task that this one follows from, if no rule requests it."""
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
@@ -401,7 +401,7 @@ class TaskHandlers:
     # --- stop-all ---
 
     def _stop_all(self, task: Submit) -> None:
-        """Stop immediately and without a question, also when it is pressed again (console.md 1.1)."""
+        """Stop immediately without confirmation, also when it is pressed again (console.md 1.1)."""
         reason = f"stop-all by {task.source}"
         self._succeed(task)
         if not self._stop.latched:  # a second stop must not overwrite the rules that the first one ended
@@ -414,7 +414,7 @@ class TaskHandlers:
         self._stop.ask_robot()
 
     def take_estop(self, report: EstopReport) -> None:
-        """Handle an emergency stop: pressing it stops everything, as a person can. Repeated reports do nothing."""
+        """Handle an emergency stop: pressing it stops everything, as a person can. Repeated reports have no effect."""
         if report.pressed == (report.source in self._stop.held_by):
             return
         if report.pressed:
@@ -459,7 +459,7 @@ class TaskHandlers:
             self._core.commands.append(ReleaseOpenGoals(task.behavior))
 
     def _why_nothing_open(self, part: str) -> str:
-        """Why this part of the robot (empty: any part) holds no goal; empty if it does."""
+        """Why this part of the robot (empty: any part) holds no goal; empty: it does."""
         parts = sorted({goal.part for goal in self._core.open_goals if goal.holds})
         if not parts:
             return "the robot has ended everything that it was given"
@@ -487,7 +487,7 @@ class TaskHandlers:
 
 
 def _why_not_resume(chosen: Iterable[str], stood: list[StoodRule]) -> str:
-    """Why some of these rules cannot be resumed; empty if they can."""
+    """Why some of these rules cannot be resumed; empty: they can."""
     names = [rule.name for rule in stood]
     unknown = next((name for name in chosen if name not in names), None)
     if unknown is None:

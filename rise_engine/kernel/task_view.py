@@ -1,6 +1,6 @@
 """Tasks and their actions as seen from outside: the only fold of their records (`add_record`).
 
-Sessions, exports, markers and transcripts all get their acts from it.
+Sessions, exports, markers and transcripts get their acts from it.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ class ActionView(Struct, gc=False):
     status: ActionStatus
     since: float
     began: bool = False
-    """Whether it was sent to the robot, or began to wait; false: it ended before that."""
+    """Whether it was sent to the robot or began to wait. Otherwise it ended before that."""
     ended: float | None = None
     reason: str = ""
     sent_as: str | None = None
     confirmed: float | None = None
-    """When the robot first confirmed that it performs, or has performed, it."""
+    """When the robot first confirmed that it performs, or has performed, the action."""
 
 
 class TaskView(Struct, gc=False):
@@ -57,7 +57,7 @@ class TaskView(Struct, gc=False):
     ended: float | None = None
     ref: str | None = None
     cause: int | None = None
-    """For a task of a rule: the task that led to it; null: a timer or the robot's link did."""
+    """For a task of a rule: the task that caused it; null: a timer or the robot's link did."""
     via: tuple[str, ...] = ()
     """The rules that led from that task to the rule in `source`, without the latter."""
     actions: dict[str, ActionView] = field(default_factory=dict)
@@ -65,15 +65,15 @@ class TaskView(Struct, gc=False):
     mark: Mark | Literal[""] = ""
     """A wizard's mark: wrong, late, early or double."""
     key_at: float | None = None
-    """When its key was pressed; for an act of a rule, set once it has ended: when the key that caused it was."""
+    """When its key was pressed. For an act of a rule, set at its end: when the key that caused it was pressed."""
     cue_at: float | None = None
-    """This field and the three below are set once an act has ended: the time of the cue that it answers, of the robot's
+    """This and the next three fields are set when an act has ended: the time of the cue that it answers, of the robot's
     confirmation of its first action and of its first audible action, and whether it was a filler."""
     robot_at: float | None = None
     voice_at: float | None = None
     filler: bool = False
     taken: bool | None = None
-    """Whether a rule has taken the event that it raised; null: it raised none, or this is still open."""
+    """Whether a rule took the event that it raised; null: it raised none, or this is still open."""
 
     @property
     def is_act(self) -> bool:
@@ -82,11 +82,11 @@ class TaskView(Struct, gc=False):
 
 
 _NO_ACTIONS: dict[str, ActionView] = {}
-"""Shared by all tasks that are not acts, because a long session has hundreds of thousands of them."""
+"""Shared by all tasks without acts, because a long session has hundreds of thousands of them."""
 
 
 def add_record(tasks: dict[int, TaskView], record: AnyRecord) -> None:
-    """Add a record to its task, in the order of the session. Records about anything else change nothing.
+    """Add a record to its task, in the order of the session. Other records have no effect.
 
     >>> tasks: dict[int, TaskView] = {}
     >>> add_record(tasks, TaskRecord(1, 0.5, "", 7, "say", "Hello", "Blocking", "wizard:anna", "ACTIVE"))

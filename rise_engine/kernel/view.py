@@ -1,8 +1,8 @@
 """The state of a session as seen from outside: a fold over records (architecture, "The kernel").
 
-Consoles, transcripts, tests and the snapshot on the socket all use this one `SessionView`; nobody asks the engine for
-its inner state. Applying `SessionView.apply(record)` to every record since the beginning gives the same value as the
-snapshot that an engine sends to a late client.
+Consoles, transcripts, tests and the snapshot on the socket use this `SessionView`, never the engine's inner state.
+`SessionView.apply(record)` for every record from the first one gives the same value as the snapshot that a late client
+gets.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_action_rec
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 
 MAX_ENDED_TASKS = 100_000
-"""How many finished tasks a view keeps; older ones are in the journal."""
+"""The number of finished tasks that a view keeps. Older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
-"""How many notes and similar remarks it keeps, and the characters of each. The journal has all of them in full."""
+"""The number of notes and similar remarks that it keeps, and the characters of each. The journal has all in full."""
 RAISING = ("raiseEventTopic", "markCue")
 """The functions of tasks that raise an event."""
 FORGET_AT_ONCE = 10_000
-"""How many more tasks may come before the oldest are forgotten, all at once."""
+"""The number of additional tasks before the oldest are forgotten together."""
 
 
 class ActView(Struct):
@@ -66,11 +66,11 @@ class ActView(Struct):
     """Its ACTIVE tasks, oldest first."""
     waiting: list[int] = field(default_factory=list)
     last: TaskView | None = None
-    """Its last task that ended (or was rejected)."""
+    """Its last task that ended or was rejected."""
     runs: int = 0
-    """How often it succeeded; `typical` is the mean duration of these runs."""
+    """The number of its successes; `typical` is their mean duration."""
     latest: int = 0
-    """The id of the last task that asked for it and was not rejected."""
+    """The id of the last task that requested it and was not rejected."""
     typical: float | None = None
 
 
@@ -104,7 +104,7 @@ class CountdownView(Struct):
     seconds: float | None
     """Null: it could not be computed."""
     reason: str = ""
-    """Why it could not."""
+    """Why not."""
 
 
 class KeptView(Struct):
@@ -141,7 +141,7 @@ class RemarkView(Struct, gc=False):
     """`note`, `robot`, `fault`, `check`, `outcome`, `recording` or `sync`."""
     t: float
     source: str
-    """Who wrote the note or report; `robot`; or the rule."""
+    """The author of the note or report, `robot`, or the rule."""
     text: str
     status: str = ""
     """For the robot: connected, degraded or lost; for a report, the status of its record."""
@@ -157,13 +157,13 @@ class CueView(Struct):
     filled: float | None = None
     """When the latest filler after it started."""
     answered: float | None = None
-    """When the first act after it started that was not a filler."""
+    """When the first act after it started that was no filler."""
     task: int | None = None
     """The task of that act. The robot may speak some time later."""
 
 
 class StoodView(Struct):
-    """The state of a rule that a stop has ended."""
+    """The state of a rule that a stop ended."""
 
     rule: str
     state: str
@@ -178,11 +178,11 @@ class StopView(Struct):
     """Parts that cannot be stopped."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
-    """The rules that it has ended, the bottom of the stack first, until it is released."""
+    """The rules that it ended, the bottom of the stack first, until it is released."""
     held_by: tuple[str, ...] = ()
-    """The emergency stops that are pressed. The stop cannot be released before they are let go."""
+    """The emergency stops that are pressed. They must be released before the stop can be."""
     count: int = 0
-    """How many stops were requested so far: the number of the last one."""
+    """The number of requested stops, which is the number of the last one."""
 
     @property
     def latched(self) -> bool:
@@ -202,22 +202,22 @@ class SessionView(Struct):
     outcome: OutcomeRecord | None = None
     """The last decision on how the session counts; None: none yet."""
     recordings: dict[str, RecordingRecord] = field(default_factory=dict)
-    """The state of everything that records the session, by name."""
+    """The state of each recording of the session, by name."""
     sync: SyncRecord | None = None
     """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
     """Why it ended."""
     left_open: tuple[OpenGoal, ...] = ()
-    """What the robot may still have been doing when the session ended."""
+    """The robot's open goals at the end of the session."""
     control: str | None = None
-    """Who holds control: `wizard:<name>`; null: nobody."""
+    """The holder of control: `wizard:<name>`; null: nobody."""
     wizard: str = ""
-    """The name of the wizard who held control last, even if that console has gone."""
+    """The last wizard who held control, even if that console has gone."""
     asked: str | None = None
-    """Who asks for control, until that is answered or the asker leaves."""
+    """The console that asks for control, until it gets an answer or leaves."""
     waits_for_wizard: bool = False
-    """Whether nothing begins because the session was recovered: what waits begins when a wizard has taken control."""
+    """Whether nothing may begin until a wizard takes control, because the session was recovered."""
     robot: RobotRecord | None = None
     stop: StopView = field(default_factory=StopView)
     cue: CueView | None = None
@@ -231,20 +231,20 @@ class SessionView(Struct):
     waiting: list[int] = field(default_factory=list)
     """PENDING tasks in the scheduler's order, next first."""
     failed: list[int] = field(default_factory=list)
-    """Failed acts that nobody has answered: the latest task of each, in the order of their first failures."""
+    """Failed acts without an answer: the latest task of each, in the order of their first failures."""
     kept: dict[int, KeptView] = field(default_factory=dict)
     """Kept events by the task that raised them, oldest first."""
     questions: list[int] = field(default_factory=list)
-    """Failed acts whose events are held until somebody decides about them, oldest first. They are not in `failed`."""
+    """Failed acts whose events are held until a decision, oldest first. They are not in `failed`."""
     repeats: dict[int, float | None] = field(default_factory=dict)
-    """The acts in `questions` that are repeated automatically unless somebody decides, with the time; null: after a
-    pause, once the robot is back."""
+    """The acts in `questions` that are repeated without a decision: the time; null: after a pause, once the robot is
+    back."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
     """Every task of the session by id, in order of arrival; of ended ones, only the latest MAX_ENDED_TASKS."""
     forgotten: int = 0
     """The number of tasks that are no longer in `tasks`."""
     raised: dict[int, RaisedView] = field(default_factory=dict)
-    """Events that were raised at this moment, as long as no record says whether a rule takes them, by task."""
+    """Events raised at this moment that no record reports as taken or not taken, by task."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
     remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=MAX_REMARKS))
@@ -275,7 +275,7 @@ class SessionView(Struct):
         return [name for _, _, name in sorted(running, reverse=True)]
 
     def latest_act_of(self, acts: Iterable[str]) -> str | None:
-        """The one of these acts that was requested last; None if none was."""
+        """The act among these that was requested last; None: none was."""
         latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
         return latest[1] if latest[0] else None
 
@@ -302,7 +302,7 @@ class SessionView(Struct):
         add_record(self.tasks, record)
 
     def _apply_robot(self, record: RobotRecord) -> None:
-        if self.robot is not None or record.status != "connected":  # a good link at the start is no news
+        if self.robot is not None or record.status != "connected":  # a good link at the start needs no remark
             self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
         self.robot = record
 
@@ -316,7 +316,7 @@ class SessionView(Struct):
         if record.status == "let-go":
             self.stop.held_by = record.held_by
             return
-        again = self.stop.status == record.status == "latched"  # a further answer of the robot
+        again = self.stop.status == record.status == "latched"  # another answer of the robot
         self.stop = StopView(
             record.status,
             self.stop.since if again else record.t,
@@ -392,7 +392,7 @@ class SessionView(Struct):
             self.rules.setdefault(started_rule(record.behavior), RuleView()).task = record.id
 
     def _apply_act_task(self, record: TaskRecord, task: TaskView) -> None:
-        spoken = record.function == "say"  # free speech is not an act of the scenario, and has no typical duration
+        spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration
         act = ActView() if spoken else self.acts.setdefault(record.behavior, ActView())
         for ids in (self.waiting, self.running, act.waiting, act.running):
             if record.id in ids:
@@ -425,7 +425,7 @@ class SessionView(Struct):
             self.failed.append(record.id)
 
     def _apply_question(self, record: FailureRecord) -> None:
-        """Update the failed acts that somebody has to decide about."""
+        """Update the failed acts that need a decision."""
         is_open = record.status in ("asked", "waiting")
         if not is_open:
             self.questions = [id for id in self.questions if id != record.task]
@@ -438,8 +438,8 @@ class SessionView(Struct):
             self.failed = [id for id in self.failed if id != record.task]
 
     def _note_raised(self, task: TaskView, *, is_new: bool) -> None:
-        """Note that a task's event is on its way to the rules. Its record follows those of events that were raised
-        before. If it was kept until now (not `is_new`), its record is the very next one, or there is none."""
+        """Note that a task's event is on its way to the rules. Its record follows those of earlier events. If it was
+        kept until now (not `is_new`), its record is the next one, or there is none."""
         by_cue = task.function == "markCue"
         topic = CUE_TOPICS[0] if by_cue else normal_topic(describe_behavior(task.function, task.behavior))
         raised = RaisedView(topic, ENGINE if by_cue else task.source)
@@ -511,7 +511,7 @@ class SessionView(Struct):
                 del steps[0]
 
     def changed_since_step(self, rule: RuleView) -> dict[str, ValueBefore]:
-        """The keys that have changed since the previous state was entered, with their values from then."""
+        """The keys that changed since the previous state was entered, with their values from then."""
         values = {key: entry.value for key, entry in self.memory.items()}
         return self.memory_log.changed_since(rule.steps[-2][1], values) if len(rule.steps) > 1 else {}
 
@@ -549,4 +549,4 @@ _APPLY: dict[type, Callable[[SessionView, Any], None]] = {
     ScenarioRecord: SessionView._apply_scenario,
     SessionRecord: SessionView._apply_session,
 }
-"""How each kind of record changes the view; a condition changes nothing."""
+"""The effect of each kind of record on the view. Conditions have none."""

@@ -1,5 +1,5 @@
 """What rules wait for: times in their states (`after`, `while`, computed times: semantics.md 5.5), and the ends of acts
-that they have started themselves (`ended`: semantics.md 5.4)."""
+that they started themselves (`ended`: semantics.md 5.4)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MIN_SECONDS = 0.001
 def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
     """The current seconds of a delay with an expression; or None, and the reason.
 
-    A number is in the delay's unit. Without a unit it is in seconds, and a text such as `2s` is a time too.
+    A number is in the delay's unit, or in seconds without a unit. A text such as `2s` is a time, too.
     """
     assert delay.expression is not None
     try:
@@ -55,7 +55,7 @@ def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) ->
 
 
 def break_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:
-    """Stop counting, because the condition does not hold any more."""
+    """Stop counting, because the condition no longer holds."""
     for timer in [timer for timer, timed in run.timers.items() if timed is transition]:
         del run.timers[timer]
         core.cancel_timer(timer)
@@ -74,7 +74,7 @@ class OwnActs:
         self._compiled = compiled
 
     def note_started(self, task: Task) -> None:
-        """Note that an act is about to be scheduled. If a rule asked for it, the rule may wait for its end."""
+        """Note that an act will be scheduled. If a rule requested it, the rule may wait for its end."""
         run = self._starter_of(task)
         if run is not None and task.behavior in self._compiled[run.name].acts_of_own_ends:
             run.own_acts[task.behavior] = task.id
@@ -88,13 +88,13 @@ class OwnActs:
                 self._core.events.append((topic, ENGINE, self._core.cause))
 
     def note_repeated(self, before: Task, now: Task) -> None:
-        """Note that a failed act is repeated. It stays the latest act of its name for the rule that waits for it."""
+        """Note that a failed act is repeated. For the rule that waits for it, it stays the latest act of its name."""
         run = self._starter_of(before)
         if run is not None and run.own_acts.get(before.behavior) == before.id:
             run.own_acts[now.behavior] = now.id
 
     def find_rule(self, task: Task) -> RuleRun | None:
-        """The running rule that started an act, or the first act that it repeats; None if that rule has ended."""
+        """The running rule that started an act, or the first act that it repeats; None: that rule has ended."""
         run = self._starter_of(task)
         return run if run is not None and run.task.id < first_task(task) else None
 

@@ -1,6 +1,6 @@
 """Tasks that only a person at a console submits: free speech, the participant's cue, the next filler, mistakes as data.
 
-Like everything else they are DomainTasks (semantics.md 4.1), so that one log shows them.
+They are DomainTasks like all others (semantics.md 4.1), so that one log shows them.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from rise_engine.scenario.model import Scenario
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
-"""How many acts, and how many other tasks of wizards, can still be marked as mistakes."""
+"""The number of acts, and of other tasks of wizards, that can still be marked as mistakes."""
 UNMARKABLE = frozenset({"markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """A wizard's statements about tasks, which cannot be mistakes themselves."""
 LONGEST_SPEECH = 2000
-"""The longest free speech, in characters. Longer texts were pasted by mistake."""
+"""The maximum number of characters of free speech. Longer texts are pasted by mistake."""
 
 
 class WizardMarksState(Struct):
@@ -28,13 +28,13 @@ class WizardMarksState(Struct):
 
     last_filler: str | None = None
     filler_timer: int | None = None
-    """Runs after a cue if the scenario wants automatic fillers."""
+    """The timer of the automatic filler after a cue, if the scenario wants one."""
     act_tasks: dict[int, str] = field(default_factory=dict)
-    """The latest tasks that asked for an act, with its name."""
+    """The latest tasks that requested an act, with its name."""
     other_tasks: list[int] = field(default_factory=list)
     """The latest other tasks of wizards: rules, events, memory, and everything else that a key can do."""
     failed_acts: dict[int, str] = field(default_factory=dict)
-    """Failed acts without an answer, by task: what was attempted, which a later task can make good."""
+    """Failed acts without an answer, by task: the attempt, which a later task can make good."""
 
 
 class WizardMarks:
@@ -47,7 +47,7 @@ class WizardMarks:
     # --- the start and end of acts ---
 
     def note_accepted(self, task: Task) -> None:
-        """Note which cue an accepted act or free speech answers, and when it was requested."""
+        """Note the cue that an accepted act or free speech answers, and when it was requested."""
         core, acts = self._core, self.state.act_tasks
         task.cue_at, task.key_at, task.accepted_at = core.open_cue_at, core.key_at, core.t
         acts[task.id] = act_name(task)
@@ -72,7 +72,7 @@ class WizardMarks:
             core.open_cue_at = None
 
     def note_ended(self, task: Task) -> None:
-        """Handle the end of an act. A failure stays until somebody goes on without the act, or it succeeds later."""
+        """Handle the end of an act. A failure stays until a wizard goes on without the act, or it succeeds later."""
         failed, what = self.state.failed_acts, f"{task.function} {task.behavior}"
         if task.status in ("ABORTED", "SUCCEEDED"):
             for id in [id for id, other in failed.items() if other == what]:
@@ -83,11 +83,11 @@ class WizardMarks:
                 del failed[next(iter(failed))]
 
     def forget_failure(self, task: Task) -> None:
-        """Remove a failure that is handled otherwise: the act is repeated, or somebody is asked."""
+        """Remove a failure that is handled otherwise: by a repetition or a question."""
         self.state.failed_acts.pop(task.id, None)
 
     def why_not_go_on(self, behavior: str) -> str:
-        """Why there is no failed act to go on without; empty if there is."""
+        """Why there is no failed act to go on without; empty: there is."""
         if parse_task_id(behavior) not in self.state.failed_acts:
             return f"no task {behavior} has failed and waits for an answer"
         return ""
@@ -114,7 +114,7 @@ class WizardMarks:
             self.state.filler_timer = core.set_timer(seconds, TimerTarget("filler"))
 
     def why_not_undo_cue(self) -> str:
-        """Why no cue can be taken back; empty if one can."""
+        """Why no cue can be taken back; empty: one can."""
         return "no cue is open: none was marked, or an act has answered it" if self._core.open_cue_at is None else ""
 
     def undo_cue(self, source: str) -> None:
@@ -139,7 +139,7 @@ class WizardMarks:
     # --- mistakes ---
 
     def note_task(self, task: TaskRecord) -> None:
-        """Note a wizard's task, which may have been a mistake unless it was rejected."""
+        """Note a wizard's task, which may be a mistake unless it was rejected."""
         if task.id in self.state.act_tasks or task.status == "REJECTED" or task.function in UNMARKABLE:
             return
         self.state.other_tasks.append(task.id)
@@ -147,7 +147,7 @@ class WizardMarks:
             del self.state.other_tasks[0]
 
     def why_not_mark(self, behavior: str) -> str:
-        """Why a mark cannot be accepted; empty if it can."""
+        """Why a mark cannot be accepted; empty: it can."""
         number, _, mark = behavior.partition(" ")
         if mark not in MARKS:
             return f"write the task's id and one of {', '.join(MARKS)}, as in `17 late`"
@@ -167,7 +167,7 @@ def filler_acts(scenario: Scenario) -> tuple[str, ...]:
 
 
 def next_filler(scenario: Scenario, last: str | None) -> str | None:
-    """The filler after the one that was used last, in turn; None if the scenario has none."""
+    """The filler after the last used one, in turn; None: the scenario has none."""
     found = filler_acts(scenario)
     if not found:
         return None

@@ -1,8 +1,8 @@
 """The port for a robot middleware (ROS 2): one connection per session, with two purposes.
 
-It controls the robot (`robot`), and it shows the session to other programs of that middleware, which may take part in
-it (`join`). Both share the connection, so the engine opens it first and closes it last. The engine finds the adapter by
-the entry-point group `rise.bridges` and never imports it by name (architecture, "Imports point one way").
+It controls the robot (`robot`), and shows the session to other programs of that middleware, which may take part
+(`join`). Both use the connection, so the engine opens it first and closes it last. The engine finds the adapter by the
+entry-point group `rise.bridges` and never imports it by name (architecture, "Imports point one way").
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 
 RosTransport: TypeAlias = Literal["auto", "rclpy", "dds", "off"]
-"""The implementation of ROS 2. auto: rclpy if it is installed, else the DDS wheel, and only if the robot needs it.
-off: none. The other two: that implementation, even if the robot of the session is simulated."""
+"""The implementation of ROS 2. auto: rclpy if it is installed, else the DDS wheel, and only if the robot needs it. off:
+none. rclpy, dds: that implementation, even for a simulated robot."""
 
 ROS_TRANSPORTS: tuple[RosTransport, ...] = get_args(RosTransport)
 
 
 class RosConnection(Struct, frozen=True):
-    """How a session connects: `--ros` and `--ros-args` of the command line."""
+    """The connection of a session: `--ros` and `--ros-args` of the command line."""
 
     transport: RosTransport = "auto"
     arguments: tuple[str, ...] = ()
-    """As after `--ros-args`: remappings, parameters, an enclave."""
+    """The arguments after `--ros-args`: remappings, parameters, an enclave."""
 
 
 SessionT = TypeVar("SessionT", contravariant=True)
@@ -42,7 +42,7 @@ class Bridge(Protocol[SessionT]):
     """
 
     about: str
-    """For people: `ROS 2 by rclpy, rmw_cyclonedds_cpp, domain 0`."""
+    """A description, such as `ROS 2 by rclpy, rmw_cyclonedds_cpp, domain 0`."""
 
     def robot(self, clock: Clock) -> Robot:
         """Return the robot of the profile that the bridge was opened with. Called at most once.
@@ -53,8 +53,7 @@ class Bridge(Protocol[SessionT]):
         ...
 
     def join(self, hub: SessionT) -> None:
-        """Show the session to other programs, and let them take part. Called once, before the session's first record,
-        so that they miss none.
+        """Show the session to other programs, and let them take part. Called once, before the first record.
 
         :param hub: the session: its participants, its view and its records (`rise_engine.run.server.hub.SessionHub`).
         """
@@ -75,12 +74,12 @@ class ProfileFinding(Struct, frozen=True):
     where: str = ""
     """The key that it is about, such as `actions.Speech.carrier.goal.text`; empty: the whole profile."""
     kind: ProfileFindingKind = "wrong"
-    """wrong: it can never work. missing: it cannot work on this computer, or not yet; a rehearsal can. unstoppable: it
-    works, but nothing can stop the robot meanwhile. doubtful: it works, but is perhaps not what was meant."""
+    """wrong: it can never work. missing: it cannot work on this computer yet, but a rehearsal can. unstoppable: nothing
+    can stop the robot meanwhile. doubtful: it works, but is perhaps not intended."""
 
     @property
     def refuses(self) -> bool:
-        """Whether no session with this robot can begin."""
+        """Whether it prevents every session with this robot."""
         return self.kind in ("wrong", "missing")
 
 

@@ -17,7 +17,7 @@ class OutletPlan(Struct, frozen=True):
     """What an outlet passes on."""
 
     socket: str
-    """The session's: a path, or its name, as `rise_engine.run.client.connect` takes it."""
+    """The session's socket: a path, or its name, as `rise_engine.run.client.connect` takes it."""
     session: str = ""
     """The name of the session's folder."""
     task: str = ""
@@ -30,4 +30,4 @@ class OutletPlan(Struct, frozen=True):
 
 OutletRunner: TypeAlias = Callable[[OutletPlan, Event], Awaitable[None]]
 """The callable of an entry point: (plan, finish) -> None. It returns when the session is over, or soon after `finish`
-was set. It raises AdapterError when it cannot continue."""
+is set. Raises AdapterError."""

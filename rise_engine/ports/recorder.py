@@ -1,7 +1,7 @@
 """The port for a recorder: a camera, a microphone, a bag, a program that records streams.
 
-A driver is found by an entry point, as for robots. It is never called from the engine's process, and each call gets
-`CALL_SECONDS`, so that it can never block a session.
+Entry points name the drivers, as for robots. Calls are made outside the engine's process and limited to `CALL_SECONDS`,
+so that a driver can never block a session.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ CALL_SECONDS = 5.0
 
 
 class RecorderError(AdapterError):
-    """It cannot record, or not any more; a sentence for the wizard, with what to do."""
+    """The recorder cannot record, or not any more. The text is a sentence for the wizard, with the remedy."""
 
     def __init__(self, *lines: str, ended: bool = False) -> None:
-        """`ended`: the recording has ended by itself, and can be started again."""
+        """`ended`: the recording ended by itself, and can be restarted."""
         super().__init__(*lines)
         self.ended = ended
 
@@ -34,9 +34,9 @@ class RecordingPlan(Struct, frozen=True):
     """What to record, and where."""
 
     session: str
-    """The name of the session's folder, with which a file's name begins."""
+    """The name of the session's folder, and the beginning of the file's name."""
     folder: Path
-    """The folder for a file that the driver itself names; it exists."""
+    """The folder for a file that the driver names itself; it exists."""
     participant: str = ""
     task: str = ""
     """The study's id."""
@@ -61,19 +61,19 @@ class Recorder(Protocol):
 
     kind: MediaKind
     stalled_after: float
-    """Seconds without growth after which something is wrong; more than 3 for recorders that write in large pieces."""
+    """Seconds without growth that indicate a fault; more than 3 for recorders that write in large pieces."""
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Connect and set it up, without recording. Returns what was found, for a check: `OBS 30.2, scene Lab`."""
+        """Connect and set it up, without recording. Returns its description for a check: `OBS 30.2, scene Lab`."""
 
     async def start(self) -> str:
-        """Start to record. Returns the path of the file, empty if it is not known yet."""
+        """Start to record. Returns the path of the file; empty: unknown yet."""
 
     async def status(self) -> RecorderStatus:
         """Return its present state. Called about once a second."""
 
     async def stop(self) -> str:
-        """End the recording. Returns the path of the file, empty if it is unknown."""
+        """End the recording. Returns the path of the file; empty: unknown."""
 
     async def close(self) -> None:
         """Release it. Called once, whatever happened before."""
@@ -81,4 +81,4 @@ class Recorder(Protocol):
 
 RecorderOpener: TypeAlias = Callable[[str, Mapping[str, Json]], Recorder]
 """The callable of an entry point: (the recorder's name, its options in study.toml) -> Recorder. It only checks the
-options, and raises RecorderError with every mistake, one per line."""
+options, and raises RecorderError with every error, one per line."""

@@ -17,16 +17,15 @@ from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChan
 from rise_engine.scenario.model import RobotProfile
 
 RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | EstopReport | Note
-"""A robot's report. An `EstopReport` is about an emergency stop that the robot's profile names: pressing it stops
-everything, and nobody can release that before it is let go. A note is for the record: something came too late or twice.
-"""
+"""A robot's report. `EstopReport`: an emergency stop that the profile names. Pressing it stops everything, and nobody
+can release that stop before the button is released. `Note`: for the record, such as a late or duplicate message."""
 ReportCallback: TypeAlias = Callable[[RobotReport], None]
 """Takes one report. It belongs to the thread of the engine's loop; other threads call it with
 `loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""
 
 
 class Timer(Protocol):
-    """A call that a clock has still to make."""
+    """A pending call of a clock."""
 
     def cancel(self) -> None:
         """Cancel the call. Does nothing if it was made or cancelled before."""
@@ -34,8 +33,8 @@ class Timer(Protocol):
 
 
 class Clock(Protocol):
-    """The session's clock: real (optionally faster) or virtual. Adapters must measure and wait with it alone, so that a
-    study can be rehearsed at ten times its speed, and tested without any delay."""
+    """The session's clock: real (optionally faster) or virtual. Adapters must measure and wait only with it, so that a
+    study can be rehearsed ten times faster, and tested without delay."""
 
     def now(self) -> float:
         """Session time: seconds since the session began. Never goes back."""
@@ -55,10 +54,10 @@ class Robot(Protocol):
     """The interface of a robot adapter.
 
     The engine calls it from the thread of its loop, in this order: `connect` once, then the others in any order, then
-    `close` once. No method may block, and none should raise: problems are reported. (An exception is a mistake of the
-    adapter. The engine logs it and counts the call as failed: the action has failed, nothing has confirmed a stop.)
+    `close` once. No method may block, and none should raise: problems are reported. (An exception is an error of the
+    adapter. The engine logs it, and the call has failed: the action fails, or the stop stays unconfirmed.)
 
-    Every started action gets exactly one ending. Reports about an action that has ended are ignored.
+    Every started action has exactly one ending. Reports about an action that has ended are ignored.
 
     A robot whose actions take a second each:
 
@@ -121,24 +120,24 @@ class Robot(Protocol):
 
         Reports `ActionReport(status="accepted")` when the robot accepts it, then exactly one ending: `succeeded`,
         `failed` (also if it is refused), `canceled`, `timed-out` or `lost`, with a reason in words unless it succeeded.
-        An ending without `accepted` before it is allowed. `failed` has `aborted=True` if the robot had accepted it and
-        gave it up by itself, for example after a protective stop. `canceled` without `cancel` means that somebody else
-        stopped it. Neither is repeated automatically (semantics.md 12.2).
+        `accepted` may be omitted. `failed` has `aborted=True` if the robot had accepted the action and gave it up
+        itself, for example after a protective stop. `canceled` without `cancel` means that another program stopped it.
+        Neither is repeated automatically (semantics.md 12.2).
 
         :param goal: `goal.action` is its name in reports, `<task>/<actionID>`, unique in the session. `goal.type` is
             one of the profile's actions. `goal.parameters` are the author's, by name, typed, without omitted ones, and
             with a `message` in the words that this robot should say (semantics.md 2.5, 2.6). `goal.expected` is how
-            many seconds it will probably take. `goal.goal` is a UUID, which stays the same if another engine continues
-            the session.
+            many seconds it probably takes. `goal.goal` is a UUID, which stays the same if another engine continues the
+            session.
         """
         ...
 
     def cancel(self, action: str) -> None:
-        """Stop one action, even if it has only just been started. It then reports its ending: `canceled`, or whatever
-        happened to it meanwhile. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
+        """Stop one action, even one that was just started. It then reports its ending: `canceled`, or another one that
+        came first. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
 
-        The engine also calls it for what it has ended itself, as timed out or lost: whatever has not gone out yet must
-        never go out, and what may still run is stopped.
+        The engine also cancels actions that it has ended itself as timed out or lost. One that was not sent must never
+        be sent, and one that may still run is stopped.
 
         :param action: as in `goal.action`. Nothing happens for an action that has ended, or was never started.
         """
@@ -147,43 +146,42 @@ class Robot(Protocol):
     def stop_all(self) -> None:
         """Stop everything that moves, also actions of others, and report one `StopReport`.
 
-        It names the parts of the robot that have stopped and those that may not have, each for people
-        (`pepper/speech`), the latter with the reason in brackets. The engine waits 3 s (`kernel.stop.STOP_LIMIT`). If
-        the method is called again meanwhile, it asks the robot again.
+        It names the parts of the robot (`pepper/speech`) that have stopped, and those that may not have, with the
+        reason in brackets. The engine waits 3 s (`kernel.stop.STOP_LIMIT`). A repeated call asks the robot again.
 
         A part counts as confirmed only if the robot has confirmed it. Running actions report their endings as usual.
-        Whenever the answer changes later, another `StopReport` follows.
+        Each later change is reported by another `StopReport`.
         """
         ...
 
     def last_seen(self) -> float | None:
-        """When the robot gave its last sign of life, for people who watch the link.
+        """When the robot gave its last sign of life.
 
         :return: session time in seconds; None if that is unknown.
         """
         ...
 
     def close(self) -> None:
-        """Release everything, and cancel running actions without waiting for them. No reports after this. It may be
-        called twice, and without `connect` before it."""
+        """Cancel running actions without waiting, and release everything. No reports follow. It may be called
+        twice, and without `connect`."""
         ...
 
 
 @runtime_checkable
 class RobotWithOpenGoals(Robot, Protocol):
-    """A robot whose adapter knows what may continue after an action has ended for the session, because the robot did
-    not answer or refused to stop. `RobotChanged.open` lists such goals, and their part gets nothing else."""
+    """A robot whose adapter knows *open goals*: actions that have ended for the session but may continue, because the
+    robot did not answer or refused to stop. `RobotChanged.open` lists them, and their part gets nothing else."""
 
     def adopt(self, goals: Sequence[StartAction]) -> None:
         """Find out what happened to the goals of an earlier engine. Called once, before `connect`, if a session is
-        continued. Goals that may still be running are open; they are not cancelled until somebody asks for that.
+        continued. Goals that may still run are open, and are cancelled only on request.
 
         :param goals: `goal.goal` is their id from when they were started.
         """
         ...
 
     def cancel_open_goals(self, part: str) -> None:
-        """Ask again to stop what a part may still be doing, even if the robot refused.
+        """Ask the robot again to stop the open goals of a part, even if it refused.
 
         :param part: as `OpenGoal.part`; empty for all.
         """
@@ -199,20 +197,21 @@ class RobotWithOpenGoals(Robot, Protocol):
 
 @runtime_checkable
 class RobotAmongOthers(Robot, Protocol):
-    """A robot that others may use and stop, too: what they begin during a stop is stopped until the release."""
+    """A robot that other programs may use and stop, too. What they begin during a stop is stopped until the release."""
 
     def end_stop(self) -> None:
-        """Stop nothing more, because the stop was released."""
+        """End the stop, because it was released."""
         ...
 
 
 @runtime_checkable
 class RobotWithEstop(Robot, Protocol):
-    """A robot whose adapter hears an emergency stop. Without this method, one that was pressed stays pressed for the
-    engine that continues the session, until the adapter reports that it was let go."""
+    """A robot whose adapter hears an emergency stop. Without this method, a pressed one stays pressed for the engine
+    that continues the session, until the adapter reports its release."""
 
     def adopt_estop(self, held_by: Sequence[str]) -> None:
-        """Take these as pressed until they are let go. Called once, before `connect`, if a session is continued.
+        """Treat these emergency stops as pressed until they are released. Called once, before `connect`, if a session
+        is continued.
 
         :param held_by: as `EstopReport.source`.
         """

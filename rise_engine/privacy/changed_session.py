@@ -1,8 +1,7 @@
-"""Sessions with changed inputs: a fresh kernel runs them, and its records are compared with the recorded ones.
+"""Runs a session with changed inputs in a fresh kernel, and compares the new records with the recorded ones.
 
-Redaction and sharing remove something from the inputs. Each record that the kernel then makes must equal the recorded
-one under a mask. If the removed part decided anything (a condition, the length of a text), the first record that
-differs shows it.
+Redaction and sharing remove parts of the inputs. Each new record must equal the recorded one under a mask. If a removed
+part had an effect (on a condition, or by the length of a text), a record differs.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ from rise_engine.session.replay import compare_replay
 from rise_engine.session.scenario_copies import offer_changed
 
 _OWN_SENTENCES = frozenset({"reason", "error"})
-"""Fields of records in which the program itself speaks about what happened, and quotes what was requested."""
+"""Fields in which the program itself describes what happened, and quotes the request."""
 
 ChangeInput: TypeAlias = Callable[[bytes, InputLine], AnyInput]
-"""Maps an input's line in the journal to the new input, or to the same input when nothing changes."""
+"""Maps an input's line in the journal to the new input, or to the same input if nothing changes."""
 Mask: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
 """Maps a record as JSON to the part that must stay the same."""
 Explain: TypeAlias = Callable[[int, str], SessionError]
-"""Makes the error from the line in the journal and a description of the difference."""
+"""Makes the error from the line number in the journal and a description of the difference."""
 
 
 class ChangedSession:
@@ -40,7 +39,7 @@ class ChangedSession:
     :param kernel: a fresh kernel.
     :param contents: the whole journal, without damage.
     :param change: makes the new inputs.
-    :param explain: makes the error when something else would have happened.
+    :param explain: makes the error for a record that differs.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class ChangedSession:
         try:
             offer_changed(self._kernel, self._folder, line.input)
             records, _ = self._kernel.handle(line.input)
-        except Exception as error:  # a failure of the kernel must not show a trace of what was removed
+        except Exception as error:  # a traceback must not show the removed text
             raise self._explain(number, f"input {line.n} cannot be carried out ({error})") from None
         return records
 
@@ -111,7 +110,7 @@ def _different_field(recorded: AnyRecord, made: AnyRecord, before: Mask, after: 
     was, now = before(msgspec.json.decode(old)), after(msgspec.json.decode(new))
     for name in dict.fromkeys([*was, *now]):
         if name in _OWN_SENTENCES or (name == "text" and was.get("source") == ENGINE):
-            continue  # "did you mean" depends on the typed words, and nothing depends on it
+            continue  # "did you mean" depends on the typed words, and has no effect
         if name not in was or name not in now or was[name] != now[name]:
             return name
     return ""

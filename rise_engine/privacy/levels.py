@@ -1,4 +1,4 @@
-"""How much of a session an export shows: everything, what researchers may share, or what may be public.
+"""The export levels: everything (full), data that researchers may share (shared), or public data (public).
 
 full     everything, as it was recorded
 shared   no times of day and dates, no notes and reasons that people typed, `{person_name}` for private keys,
@@ -33,9 +33,9 @@ _NOBODY = frozenset({"command-line"})
 _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
 """Texts that are already counted, in a shared session."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
-"""For each kind of record, the field into which people type."""
+"""The field with people's typed text, for each kind of record."""
 _SAID_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
-"""Kinds of records whose sentences can contain a date, such as when a plan was made, or the place of a file."""
+"""Kinds of records whose sentences can contain a date (such as that of a plan) or a file's path."""
 _SENTENCES = ("text", "value", "reason", "detail")
 _DATE = re.compile(
     r"\b\d{4}-\d{2}-\d{2}(?:[T _]\d{2}:?\d{2}(?::?\d{2}(?:[.,]\d+)?)?(?:\s?(?:UTC|Z|[+-]\d{2}:?\d{2})\b)?)?(?!\d)"
@@ -44,9 +44,9 @@ _PLACE = re.compile(
     r"file:[^\s,;\"'`]+|(?<![\w/.])(?:~|[A-Za-z]:\\|/(?:home|Users|root|mnt|media|tmp|var|data|srv|run|opt|private|Volumes)\b)"
     r"[^\s,;\"'`]*"
 )
-"""The place of a file. Names on ROS have the same form, so only the usual first folders tell them apart."""
+"""The path of a file. ROS names have the same form, so only paths in the usual top folders match."""
 OLDEST = 89
-"""Years. BIDS gives this age to participants who are older, so that age does not identify anybody."""
+"""Maximum age in years. BIDS replaces higher ages by it, so that age does not identify anybody."""
 _AGES = frozenset({"age", "alter", "edad"})
 """Names of age columns in lower case."""
 
@@ -81,7 +81,7 @@ class LevelFilter:
         return self._people.get(name, name)
 
     def count_typed_words(self, text: str) -> str:
-        """Show a typed text that is in no record (such as a reason in the study's log) as this level allows."""
+        """Return a typed text that is in no record (such as a reason in the study's log) as this level allows."""
         return text if self.level == "full" or not text else count_words("free text", text)
 
     def note(self, records: Iterable[AnyRecord]) -> None:
@@ -98,7 +98,7 @@ class LevelFilter:
             self._names = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, longest))})(?!\w)(?:#\d+)?")
 
     def apply(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Return a record as JSON, as this level shows it."""
+        """Return a record as JSON at this level."""
         if self._private is None or self.level == "full":
             return values
         values = _without_typed(values["kind"], values)
@@ -108,7 +108,7 @@ class LevelFilter:
         return {**self._private.hide_fields(values), "wall": ""}
 
     def apply_to_input(self, values: dict[str, Any], *, rejected: bool = False) -> dict[str, Any]:
-        """Return an input as JSON without typed texts and people's names. `PrivateValues` hides the private values.
+        """Return an input as JSON without typed texts and people's names. Private values stay (`PrivateValues`).
 
         :param values: the input's fields.
         :param rejected: whether it is a task that was rejected.
@@ -153,7 +153,7 @@ class LevelFilter:
 
 
 def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
-    """Remove what people may have typed from a record, or from an input whose fields have the same names."""
+    """Remove typed texts from a record, or from an input whose fields have the same names."""
     typed = _TYPED.get(kind, "")
     if typed and values.get(typed) and _is_typed(kind, values["source"]):
         values = {**values, typed: count_words("note" if kind == "note" else "free text", values[typed])}
@@ -170,12 +170,12 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def without_dates_and_places(sentence: str) -> str:
-    """Replace the dates, with times of day beside them, and the places of files in a sentence of the program."""
+    """Replace dates, with their times of day, and files' paths in a sentence of the program."""
     return _DATE.sub("[date]", _PLACE.sub("[place]", sentence))
 
 
 def _is_typed(kind: str, source: str) -> bool:
-    """Whether people may have typed it. Notes of programs may be what they heard; the engine's own are never typed."""
+    """Whether a text may be typed. Programs' notes may contain what they heard; the engine's own are never typed."""
     return source != ENGINE if kind in ("note", "cue") else _PERSON.match(source) is not None
 
 
@@ -205,7 +205,7 @@ def count_words(what: str, text: str) -> str:
 
 
 def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
-    """Return a session's annotations for coded.json of a shared session. Empty when they cannot be read.
+    """Return a session's annotations for coded.json of a shared session. Empty: they cannot be read.
 
     :param folder: the session's folder.
     :param level: the filter of a level below full.
@@ -231,7 +231,7 @@ def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
 
 
 def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
-    """Show an annotation at a level: participants' speech and comments become their number of words."""
+    """Return an annotation at a level: participants' speech and comments become their number of words."""
     return replace(
         span,
         annotator=level.name_of_coder(span.annotator),

@@ -1,8 +1,8 @@
 """Hides the values of private memory keys in records for others: `{person_name}` replaces them.
 
 There are two ways. By structure: the key's own records, conditions that read it, and actions that an act fills with it,
-which are shown as in the act. By value: any text that contains a value the key has had, as a whole or as a name from
-it. A number is only found as a separate word.
+which are shown as in the act. By value: any text that contains a former value of the key, or a name from it. A number
+is only found as a separate word.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.speech.template import spoken_text
 
 WITHIN_WORDS = 3
-"""The least number of letters with which a value is also found within longer words (`Anna` in `Annas`)."""
+"""Minimum number of letters of a value that is also found within longer words (`Anna` in `Annas`)."""
 WITHIN_NUMBERS = 5
 """The same for values without letters: a telephone number is recognisable anywhere, `34` is not."""
 _VALUE_FIELDS = frozenset({"value", "old"})
@@ -46,7 +46,7 @@ Kind = TypeVar("Kind", bound=AnyRecord)
 
 
 class PrivateValues:
-    """A collector of the values that private keys have had, which hides them in records."""
+    """Collects the values that private keys have had, and hides them in records."""
 
     def __init__(self, scenario: Scenario, private: Iterable[str] = ()) -> None:
         """`private`: private keys in addition to the scenario's."""
@@ -71,11 +71,11 @@ class PrivateValues:
             self._note_value(head, value)
 
     def read(self, key: str, value: Any) -> Any:
-        """Return the value of a memory key as outsiders may see it."""
+        """Return the value of a memory key as others may see it."""
         return self.hide_value(self._read_value(key, value))
 
     def hide(self, record: Kind) -> Kind:
-        """Return a record as others may see it, or the same object when nothing is hidden."""
+        """Return a record as others may see it; the same object if nothing is hidden."""
         if not self.keys:
             return record
         self.note(record)
@@ -84,7 +84,7 @@ class PrivateValues:
         return record if hidden == values else msgspec.convert(hidden, type(record))
 
     def hide_fields(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Do the same as `hide` for a record as JSON."""
+        """Return the fields of a record as others may see them."""
         if not self.keys:
             return values
         match values["kind"]:
@@ -112,7 +112,7 @@ class PrivateValues:
         """Replace the values of private keys in a JSON value.
 
         :param value: a JSON value.
-        :param stand_in: gets the key as `{person_name}` and the found text or number; must return a text for a text.
+        :param stand_in: maps the key as `{person_name}` and the found text or number to a value of the same type.
         """
         if self._values and isinstance(value, str):
             if self._pattern is None:
@@ -139,7 +139,7 @@ class PrivateValues:
     def _hide_field(self, name: str, value: Any) -> Any:
         """Hide values in a record's field. A number outside memory values is a time or a count and stays."""
         if name == "key" and _head(value) not in self._scenario.known_keys:
-            return self.hide_value(value)  # made while the session ran, perhaps from a value
+            return self.hide_value(value)  # a key that was made while the session ran, perhaps from a value
         if name in NAMES_FIELDS or (isinstance(value, int | float) and name not in _VALUE_FIELDS):
             return value
         return self.hide_value(value)
@@ -150,7 +150,7 @@ class PrivateValues:
         return self._slots[head] if value is not None and (head := _head(name)) in self.keys else value
 
     def _parameters(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Show an action's parameters that a private key fills as the act has them."""
+        """Return an action's parameters, with those that a private key fills as they are in the act."""
         parameters: dict[str, Any] = values["parameters"]
         act = self._scenario.acts.get(values["act"]) if values["act"] != SAY else None
         action = next((each for each in act.actions if each.id == values["action"]), None) if act is not None else None
@@ -171,7 +171,7 @@ class PrivateValues:
         return any(self.is_hidden(slot.key) for each in call.parameters.values() for slot in each.slots)
 
     def _assignment(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Hide the values in `person_name = "Anna"`, also in one that could not be read and set no value."""
+        """Hide the values in `person_name = "Anna"`, also if the assignment could not be read and set no value."""
         behavior: str = values["behavior"]
         named = [key for key in sorted(self.keys) if re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", behavior)]
         if not named:
@@ -189,7 +189,7 @@ class PrivateValues:
         return {**values, "behavior": "; ".join(written), "reason": reason}
 
     def _quoted(self, found: re.Match[str]) -> str:
-        """Hide the engine's quotes in notes: people may have typed them before the value was known to be private."""
+        """Hide quotes in the engine's notes: they may be values typed before the program knew that they are private."""
         return found[0] if found[0][1:-1] in self._scenario.known_keys else "`…`"
 
     # --- by value ---

@@ -2,7 +2,7 @@
 
 The words are removed from the inputs. A fresh kernel makes the records again, and each must be the old one without the
 words (`rise_engine.privacy.changed_session`). If one differs, nothing is changed. The new journal is written beside the
-old one, replayed from the file, and only then moved into place. Nothing of the old one is kept.
+old one, replayed from the file, and then replaces the old one, of which nothing is kept.
 """
 
 from __future__ import annotations
@@ -64,15 +64,15 @@ class RedactionReport(Struct):
     log_lines: int = 0
     """Changed lines of the study's log (`study.jsonl`)."""
     longer_words: dict[str, int] = field(default_factory=dict)
-    """Longer words of the inputs that contain one of the words, and how often."""
+    """Longer words of the inputs that contain one of the words, with their counts."""
     erased: list[str] = field(default_factory=list)
     """Deleted files beside the journal that contained the words."""
     remains: list[str] = field(default_factory=list)
-    """Sentences that say where the words still are."""
+    """Sentences on where the words still are."""
 
     @property
     def changed(self) -> bool:
-        """Whether anything was changed, or would be."""
+        """Whether anything was or would be changed."""
         return bool(self.lines or self.info_lines or self.shadow_lines or self.coded_files or self.log_lines)
 
 
@@ -88,12 +88,12 @@ def redact(
 ) -> RedactionReport:
     """Replace words in the record of the session in `folder`: journal, session.toml, shadows and annotations.
 
-    `by`: the person who redacts, for session.toml. `here`: a person has confirmed that another computer, which had the
-    session last, no longer runs it. `try_only`: nothing is changed. `disk`: does the writing, for tests.
-    `before`: gets the report before anything is changed.
+    `by`: the person who redacts, for session.toml. `here`: a person has confirmed that the other computer which had the
+    session last no longer runs it. `try_only`: nothing is changed. `disk`: for tests. `before`: gets the report before
+    anything is changed.
 
-    Raises SessionError when the session runs (JournalLockedError), its journal is torn or damaged, the words decide
-    what happened (with the place), or the disk fails. The session is unchanged then.
+    Raises SessionError if the session runs (JournalLockedError), its journal is torn or damaged, the words had an
+    effect (with the place), or the disk fails. The session is unchanged then.
     """
     disk = disk or Disk()
     read_info(folder, compare=False)  # fails if this is not a session
@@ -193,7 +193,7 @@ class _Redaction:
         for line, found, new in changed.lines(mask, mask):
             after = encode_line(new)
             if after == encode_line(found):
-                after = line + b"\n"  # another release may have written the same record differently
+                after = line + b"\n"  # another version may have written the same record differently
             self._report.lines += after[:-1] != line
             yield after
 
@@ -221,7 +221,7 @@ class _Redaction:
         return self._words.replace_in(value)
 
     def _difference(self, line: int, what: str) -> SessionError:
-        """Explain why nothing was changed: the words decide something, or the session never replayed."""
+        """Explain why nothing was changed: the words had an effect, or the session does not replay anyway."""
         if why := why_not_replayed(self._folder):
             return SessionError(f"{why}; redact it with the version that wrote it. Nothing was changed")
         sentence = f"{JOURNAL}:{line}: without the words {what}: they decide what happened, so the session would not "
@@ -244,7 +244,7 @@ class _Redaction:
     # --- session.toml ---
 
     def _write_info(self, by: str) -> bool:
-        """Write the new session.toml beside the old one. False when nothing changes in the whole session."""
+        """Write the new session.toml beside the old one. Returns False if nothing changes in the whole session."""
         table, lines = "", []
         for line in (self._folder / INFO).read_text(encoding="utf-8").split("\n"):
             table = line if line.startswith("[") else table
@@ -276,7 +276,7 @@ class _Redaction:
     # --- what second wizards did ---
 
     def _write_shadows(self) -> None:
-        """Write the new files beside the journal. They decide nothing that happened, so they need no proof."""
+        """Write the new files of shadows beside the journal. They had no effect, so they need no proof."""
         for path in shadow_files(self._folder):
             if is_locked(path):
                 raise SessionError(f"{path} is being written by a console: leave that first. Nothing was changed")
@@ -314,7 +314,7 @@ class _Redaction:
             )
 
     def _erase_kept_files(self) -> None:
-        """Erase what a recovery kept of the old journal, if it contains the words, or ends within one."""
+        """Delete parts of old journals that a recovery kept, if they contain the words or end within one."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
                 path.unlink()
@@ -328,7 +328,7 @@ class _Redaction:
 
 
 def find_words(folder: Path, words: Words) -> list[str]:
-    """List where the words are in a session's folder, including its name: file, lines, and whose text it is."""
+    """List where the words are in a session's folder, including its name: file, lines, and kind of text."""
     found = []
     if words.find(folder.name):
         found.append(f"the folder's own name ({folder.name}): rename the folder")

@@ -1,8 +1,8 @@
-"""A session for others: it shows only what an export level shows, and it still replays.
+"""Sharing: writes a session that shows only what an export level shows, and still replays.
 
 Typed texts, people's names and private values are removed from the inputs. A fresh kernel makes the records again
-(`rise_engine.privacy.changed_session`). At the level, these must equal the old records. A shared session therefore
-shows no more than the level's exports do, apart from the scenario.
+(`rise_engine.privacy.changed_session`). At the level, these must equal the old records. Apart from the scenario, a
+shared session therefore shows no more than an export.
 
 It has no times of day: `wall` is empty, and session.toml has no date, no paths and no machine.
 """
@@ -91,9 +91,9 @@ def share_session(
     :param level: `shared` or `public`.
     :param private: private memory keys in addition to the scenario's.
     :param wizards: the code of each wizard, by name.
-    :param run_as: replaces the participant under whom it was run; empty: they may be named.
-    :raises SessionError: the session is damaged, does not replay, or would go differently without what is private.
-        Nothing is left at `target` then.
+    :param run_as: replaces the participant under whom it was run; empty: do not replace.
+    :raises SessionError: the session is damaged, does not replay, or depends on private data. Then `target` is not left
+        behind.
     :raises OSError: it cannot be written.
     """
     return _Sharing(folder, level, tuple(private), wizards or {}, run_as).write(target)
@@ -127,7 +127,7 @@ class _Sharing:
         self._report = SharedSession(self._old.people, own_values=self._own_values)
 
     def _note_everything(self, values: PrivateValues) -> None:
-        """Collect private values, people and rejected tasks, also from inputs that left no record."""
+        """Collect private values, people and rejected tasks, also from inputs without a record."""
         self._old.note(self._contents.read_records())
         task: tuple[int, Submit] | None = None
         for _, _, found in self._contents.lines():
@@ -211,8 +211,8 @@ class _Sharing:
         )
 
     def _new_filter(self) -> LevelFilter:
-        """Make the filter for the new records. It also hides what the old filter hides: where the scenario itself uses
-        such a word, both hide it."""
+        """Make the filter for the new records. It also hides what the old filter hides: both hide such words in the
+        scenario."""
         values = PrivateValues(self._scenario, self._keys)
         for record in self._contents.read_records():
             values.note(record)
@@ -261,7 +261,7 @@ class _Sharing:
         info = self._info
         return replace(
             info,
-            format=FORMAT,  # this version has written its journal
+            format=FORMAT,  # written by this version
             participant=self._run_as or info.participant,
             scenario_folder="",
             started="",
@@ -286,18 +286,18 @@ def _remove(folder: Path) -> None:
 
 # --- stand-ins for private values -------------------------------------------------------------------------------------
 
-# Equal values get equal stand-ins, so that conditions which only compare them have the same result.
+# Equal values get equal stand-ins, so that conditions that only compare them have the same result.
 
 
 _FIRST_NUMBER = 90_001
-"""Five digits, so that it is found within longer words too (`private_values.WITHIN_NUMBERS`)."""
+"""Five digits, so that it is also found within longer words (`private_values.WITHIN_NUMBERS`)."""
 _LITERAL = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|(?<![\w.])(?:\d+\.\d+|\d{2,})(?!\w)""")
 """A text, or a number of at least two digits, in an expression."""
 _NO_NAME = re.compile(r"[^A-Za-z0-9]+")
 
 
 class StandIns:
-    """A table that gives each value of a private key its stand-in, always the same one."""
+    """A table of stand-ins: each value of a private key always has the same one."""
 
     def __init__(self, private: PrivateValues, known_keys: Collection[str]) -> None:
         """`private`: has collected all values of the keys. `known_keys`: all keys of the scenario."""
@@ -314,11 +314,11 @@ class StandIns:
         return self._private.replace_values(value, self._stand_in)
 
     def replace_memory(self, memory: dict[str, Any]) -> dict[str, Any]:
-        """Replace the values of memory keys, given by name, some of them private."""
+        """Replace private values in memory, given by key."""
         return {key: self._replace_all(key, value) for key, value in memory.items()}
 
     def replace_assignment(self, behavior: str) -> str:
-        """Replace values in the behaviour of assignValue: `person_name = "Anna"`, also when it cannot be read."""
+        """Replace values in the behaviour of assignValue: `person_name = "Anna"`, also if it cannot be read."""
         try:
             assignments = Assignment.parse_all(behavior)
         except ExpressionError:
@@ -344,7 +344,7 @@ class StandIns:
         return f"{left}{equals} {json.dumps(self._replace_all(assignment.key, value[0]), ensure_ascii=False)}"
 
     def _replace_literals(self, slot: str, text: str, start: int) -> str:
-        """Replace the literals in an expression that also reads something, or cannot be computed."""
+        """Replace the literals in an expression that also reads memory, or cannot be computed."""
 
         def replace(found: re.Match[str]) -> str:
             written = found[0]
@@ -355,7 +355,7 @@ class StandIns:
         return text[:start] + _LITERAL.sub(replace, text[start:])
 
     def _replace_all(self, key: str, value: Any) -> Any:
-        """Replace the whole value of a private key. In other keys, replace what private keys held."""
+        """Replace the whole value of a private key. In other keys, replace the former values of private keys."""
         if not self._private.is_hidden(key):
             return self.replace(value)
         slot = f"{{{key.partition('.')[0].partition('[')[0]}}}"
@@ -373,7 +373,7 @@ class StandIns:
         return self._stand_in(slot, value)
 
     def _stand_in(self, slot: str, found: str | int | float) -> str | int:
-        """Return the stand-in. A number gets a number: a scenario can compute with it, and a new outcome is noticed.
+        """Return the stand-in. A number gets a number, with which a scenario can compute; a changed result is noticed.
         Each word of a text gets a word, so that a first name has the same stand-in alone and in the full name."""
         if isinstance(found, str):
             return " ".join(str(self._give(slot, word.casefold(), number=False)) for word in found.split())
@@ -389,7 +389,7 @@ class StandIns:
 
 
 def _constant(assignment: Assignment) -> tuple[Any] | None:
-    """Return the value of a right side that reads nothing. None: it reads something, so no value was typed."""
+    """Return the value of a right side that reads nothing. None: it reads memory, so no value was typed."""
     expression = assignment.expression
     if expression is not None and (expression.keys or expression.draws):
         return None

@@ -1,7 +1,7 @@
-"""Words of a session that could be names, for a person to check before redaction. It decides nothing.
+"""Suggests words of a session that could be names, for a person to check before redaction.
 
-It uses no list of names and no model, but compares typed texts with the scenario's. German nouns, which begin with a
-capital, are listed unless the scenario has them. This is better than missing a name.
+It uses no list of names and no model, but compares typed texts with the scenario's. It lists German nouns, which begin
+with a capital, unless the scenario has them; this is better than missing a name.
 """
 
 from __future__ import annotations

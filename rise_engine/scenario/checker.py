@@ -12,7 +12,7 @@ from rise_engine.scenario.loader import LoadResult, ScenarioLoader
 
 
 class ScenarioChecker:
-    """Checks like `load`, in the time that one file takes. For one thread at a time.
+    """Checks like `load`, but only reads changed files. For one thread at a time.
 
     >>> checker = ScenarioChecker("scenarios/greeting")
     >>> checker.check({}).diagnostics
@@ -24,7 +24,7 @@ class ScenarioChecker:
     def __init__(self, folder: str | os.PathLike[str], robot: str | None = None) -> None:
         """
         :param folder: the scenario's folder, or the `scenario.toml` in it.
-        :param robot: the name of a profile, instead of the one that the scenario names.
+        :param robot: the name of a profile to use instead of the scenario's.
         """
         self.path = Path(folder)
         self.robot = robot

@@ -1,4 +1,4 @@
-"""Diagnostics: the mistakes in a scenario, each with a location, a stable code and a sentence that says what to do.
+"""Diagnostics: the mistakes in a scenario, each with a location, a stable code and a sentence with a remedy.
 
 docs/reference/scenario.md lists every code.
 """
@@ -72,9 +72,9 @@ class Diagnostic(Struct, frozen=True):
     end: SourceLocation | UnsetType = UNSET
     """After its last character; unset: the diagnostic is about the whole file."""
     suggestion: Correction | UnsetType = UNSET
-    """The wrong name or sign, and what to write instead."""
+    """The wrong name or sign, and its correction."""
     related: SourceLocation | UnsetType = UNSET
-    """Another place that it is about, such as the transition that is taken instead."""
+    """Another affected place, such as the transition that is taken instead."""
 
     def __str__(self) -> str:
         """One line that is safe to print in a terminal."""
@@ -82,7 +82,7 @@ class Diagnostic(Struct, frozen=True):
 
 
 class Diagnostics:
-    """Collects diagnostics while a scenario is read; reading does not stop at the first one."""
+    """Collects diagnostics of a scenario; reading does not stop at the first one."""
 
     def __init__(self) -> None:
         self._found: list[Diagnostic] = []
@@ -90,7 +90,7 @@ class Diagnostics:
         """The number of errors so far."""
 
     def error(self, code: str, location: SourceLocation, message: str, suggestion: Correction | None = None) -> None:
-        """Report an error. `suggestion`: what to write instead; its words are added to the message."""
+        """Report an error. `suggestion`: the correction; its words are added to the message."""
         self.errors += 1
         self._add("error", code, location, message, suggestion)
 
@@ -102,7 +102,7 @@ class Diagnostics:
         suggestion: Correction | None = None,
         related: SourceLocation | UnsetType = UNSET,
     ) -> None:
-        """Report a warning. `related`: another place that it is about."""
+        """Report a warning. `related`: another affected place."""
         self._add("warning", code, location, message, suggestion, related)
 
     def _add(
@@ -118,7 +118,7 @@ class Diagnostics:
         self._found.append(Diagnostic(severity, code, whole, location, suggestion=suggestion or UNSET, related=related))
 
     def add(self, others: Diagnostics) -> None:
-        """Add what another collector has collected."""
+        """Add the contents of another collector."""
         self._found += others._found
         self.errors += others.errors
 

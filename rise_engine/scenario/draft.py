@@ -1,4 +1,4 @@
-"""What the files of a scenario say about each other, collected while they are read and compared afterwards."""
+"""The names and references in the files of a scenario, collected while reading and compared afterwards."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class BareKey(Mention, frozen=True):
     """A parameter value that is only valid as a memory key."""
 
     problem: str
-    """What is wrong with the value if there is no such key."""
+    """The error of the value if there is no such key."""
 
 
 class ConditionValue(Mention, frozen=True):
@@ -36,7 +36,7 @@ class ConditionValue(Mention, frozen=True):
 
 
 class StateMention(Mention, frozen=True):
-    """The name of a state of a rule: one where the rule is started, or one that a property asks for."""
+    """The name of a state that a rule is started in or that a property mentions."""
 
     rule: str
 
@@ -70,7 +70,7 @@ class ScenarioDraft:
     def __init__(
         self, expressions: dict[str, Expression] | None = None, assignments: dict[str, Assignment] | None = None
     ) -> None:
-        """Share the parsed expressions and assignments of other parts, by their text, because rules repeat them."""
+        """Share the parsed expressions and assignments of other parts, because rules repeat them."""
         self.act_definitions: list[Definition] = []
         """All that were read. `acts` and `rules` have only one of each name."""
         self.rule_definitions: list[Definition] = []
@@ -81,15 +81,15 @@ class ScenarioDraft:
         """The places of memory keys, tables and columns that warnings may be about."""
         self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
-        """Which of acts, rules, memory, tables and settings (scenario.toml) could not be read completely, or have a
-        part without a name. Nothing can be reported as missing there."""
+        """The parts (acts, rules, memory, tables, settings) that could not be read completely, or have an unnamed
+        element. Names in them are never reported as missing."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []
         self.asked_states: list[StateMention] = []
-        """States that properties of the study ask for. No rule begins there because of them."""
+        """States that properties of the study mention. No rule begins there because of them."""
         self.trial_states: list[Mention] = []
-        """States that begin a trial, as `[trials]` names them."""
+        """States that begin a trial (`[trials]`)."""
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []
@@ -97,7 +97,7 @@ class ScenarioDraft:
         self.key_reads: list[Mention] = []
         """Memory keys that conditions and templates read without a fallback."""
         self.optional_key_reads: list[Mention] = []
-        """Memory keys that may be missing: conditions ask `defined(key)`, texts have `{", "key}`."""
+        """Memory keys that may be missing: conditions have `defined(key)`, texts have `{", "key}`."""
         self.property_reads: list[Mention] = []
         """Memory keys that only properties of the study read, so the robot's behaviour does not depend on them."""
         self.tried_keys: list[Mention] = []
@@ -109,7 +109,7 @@ class ScenarioDraft:
         self.condition_values: list[ConditionValue] = []
         """The values that conditions set."""
         self.private_keys: list[Mention] = []
-        """Memory keys that `private` names."""
+        """Memory keys in `private`."""
         self.part_reads: list[PartMention] = []
         """Parts of values that conditions, assignments and templates read without a fallback."""
         self.spoken_keys: list[Mention] = []
@@ -117,16 +117,16 @@ class ScenarioDraft:
         self.settable_keys: set[str] = set()
         """Memory keys that start values, conditions, rules and key bindings set."""
         self.session_keys: dict[str, Json] = {}
-        """An example of the engine's values under `session`; empty if nothing in the scenario reads them."""
+        """An example of the engine's values under `session`; empty: the scenario does not read them."""
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []
         """Right sides of assignments that are one word: a key, or a text without quotation marks."""
         self.expressions: dict[str, Expression] = expressions if expressions is not None else {}
         self.assignments: dict[str, Assignment] = assignments if assignments is not None else {}
         self.spoken_languages: set[str] = set()
-        """Languages that single actions name, as BCP 47 tags."""
+        """BCP 47 tags of single actions' languages."""
         self.has_languages_from_memory = False
-        """Whether the memory decides at run time which language an action speaks."""
+        """Whether the memory determines the language of an action."""
         self.unsent_ssml: list[SourceLocation] = []
         """The places of SSML messages of which this robot only gets the words."""
 
@@ -142,7 +142,7 @@ class ScenarioDraft:
                     getattr(self, name).update(value)
 
     def define(self, diagnostics: Diagnostics) -> None:
-        """Define the acts and rules. If two have one name, the first counts and the other gets a diagnostic."""
+        """Define the acts and rules. Of two with the same name, the first counts and the other gets a diagnostic."""
         self._define("act", self.act_definitions, self.acts, diagnostics)
         self._define("rule", self.rule_definitions, self.rules, diagnostics)
 

@@ -1,4 +1,4 @@
-"""How long an action is expected to take, and when it has timed out."""
+"""The expected duration of an action, and its time limit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPEECH_MINIMUM = 0.5
 
 
 MAX_SECONDS = 86_400.0
-"""24 hours: the longest time that a scenario can name, and the longest expected duration of an action."""
+"""24 hours: the maximum time in a scenario, and the maximum expected duration of an action."""
 
 
 def parse_time(text: str) -> float | None:
@@ -36,10 +36,10 @@ def parse_time(text: str) -> float | None:
 
 
 def seconds_from(value: Any, unit: float | None) -> float | None:
-    """The seconds that a computed value means, or None if it is not a time.
+    """The seconds of a computed value, or None if it is not a time.
 
-    A number counts in `unit`. Without one, it counts in seconds, and a text such as `2s` is a time too. Negative and
-    very large values are not refused; the largest become infinity.
+    A number counts in `unit`. Without one, it counts in seconds, and a text such as `2s` is also a time. Negative and
+    very large values are accepted; the largest become infinity.
 
     >>> seconds_from(250, 0.001), seconds_from("2s", None), seconds_from(True, None)
     (0.25, 2.0, None)
@@ -52,11 +52,11 @@ def seconds_from(value: Any, unit: float | None) -> float | None:
 
 
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
-    """The seconds that an action with these parameters will probably take, at most MAX_SECONDS; never raises.
+    """The expected seconds of an action with these parameters, at most MAX_SECONDS. Never raises.
 
     Speech depends on the length of its `message` and its `rate` (for SSML, on its words and, if the robot makes them,
-    its breaks). Other actions depend on `duration` (ms) times `repetitions`, or else on their declaration.
-    `parameters` are those that `fill_parameters` returns.
+    its breaks). Other actions depend on `duration` (ms) times `repetitions`, or else on their declaration. `parameters`
+    come from `fill_parameters`.
 
     >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})
     1.5

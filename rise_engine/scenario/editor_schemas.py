@@ -1,9 +1,9 @@
 """RELAX NG schemas of acts and rules, for editors (completion, help).
 
-The schema of rules is `schema/rules.rng`. That of acts is `schema/cra.rng` and what `act_schema_text` adds to it: the
-part about single actions, which a robot's profile and a scenario may declare, too.
+The schema of rules is `schema/rules.rng`. That of acts is `schema/cra.rng`, to which `act_schema_text` adds the single
+actions, including those of a robot's profile and a scenario.
 
-Loading a scenario does not use the schemas, because its own checks find more and explain it. Tests make sure that both
+Loading a scenario does not use the schemas, because its own checks find and explain more. Tests make sure that both
 agree (docs/decisions/0034-one-reader-of-scenarios.md).
 """
 
@@ -19,7 +19,7 @@ from rise_engine.scenario.parameters import MESSAGE, accepts_any_name, listed_na
 
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""Characters that no XML file can hold, although the help text of a robot's profile may."""
+"""Characters that XML cannot contain, although the help text of a robot's profile may."""
 _COMMON = """        <ref name="actionID"/>
         <optional><ref name="waitForActions"/></optional>
         <optional><ref name="onFailure"/></optional>
@@ -38,7 +38,7 @@ def rule_schema_text() -> str:
 def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
     """The schema of acts (CRA files) with these actions, as RELAX NG in XML.
 
-    `actions` are those of a robot, by name (`RobotProfile.actions`); unsupported ones are left out.
+    `actions` are a robot's actions by name (`RobotProfile.actions`); unsupported ones are omitted.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -64,7 +64,7 @@ def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
 
 def _action(spec: ActionSpec) -> str:
     fields = "".join(_parameter(parameter) for parameter in spec.parameters.values())
-    # One flat interleave for all: libxml2 refuses valid files when one interleave is inside another.
+    # One flat interleave for all, because libxml2 rejects valid files for nested interleaves.
     variant = f"      <interleave>\n{fields}      </interleave>\n" if fields else "      <empty/>\n"
     return (
         f'  <define name="action.{spec.name}">\n    <element name="{spec.name}">\n{_doc(spec.help)}'

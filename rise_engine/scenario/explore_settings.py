@@ -1,7 +1,6 @@
-"""The settings of `rise-engine explore`, the properties of a study and what its trials are, as plain values.
+"""The settings of `rise-engine explore`, the properties of a study and its trials, as plain values.
 
-They come from `[explore]`, `[always]`, `[reachable]`, `[eventually]` and `[trials]` in scenario.toml, which
-`explore_tables` reads.
+`explore_tables` reads them from `[explore]`, `[always]`, `[reachable]`, `[eventually]` and `[trials]` in scenario.toml.
 """
 
 from __future__ import annotations
@@ -16,26 +15,25 @@ from rise_engine.expression.environment import Json
 from rise_engine.scenario.source_location import SourceLocation
 
 PropertyKind: TypeAlias = Literal["always", "reachable", "eventually"]
-"""always: it holds in every situation; reachable: every situation can still lead to it; eventually: it happens by
-itself."""
+"""always: it holds in every situation; reachable: every situation can lead to it; eventually: it happens by itself."""
 ExploredKeys: TypeAlias = Literal["rules", "all"]
 
 
 class ExploreSettings(Struct, frozen=True):
-    """How far exploring goes."""
+    """The limits of exploring."""
 
     end: str = ""
-    """The rule whose end is the end of the study; empty: the rule of the first key that starts one."""
+    """The rule whose end ends the study; empty: the rule of the first key that starts one."""
     faults: int = 1
-    """The most things that go wrong on one path."""
+    """Maximum number of faults on one path."""
     line: int = 1
-    """The most acts that wait at once."""
+    """Maximum number of acts that wait at once."""
     beside: int = 2
-    """The most acts of calling type None that run at once."""
+    """Maximum number of acts of calling type None that run at once."""
     pace: tuple[float, float] | None = (0.5, 3.0)
-    """The shortest and longest duration of acts, as a multiple of the expected one; null: any duration."""
+    """The minimum and maximum duration of acts, as multiples of the expected one; null: any duration."""
     tries: dict[str, tuple[Json, ...]] = field(default_factory=dict)
-    """Values that somebody may type or a node may write, by memory key."""
+    """Values that a person may type or a node may write, by memory key."""
     keys: ExploredKeys = "rules"
     """all: also the keys that start acts by hand."""
 
@@ -48,7 +46,7 @@ class StudyProperty(Struct, frozen=True):
     condition: Expression
     """For `eventually`: what happens by itself (`then`)."""
     after: Expression | None = None
-    """Only for `eventually`: where waiting for it starts; null: everywhere."""
+    """Only for `eventually`: where the wait for it starts; null: everywhere."""
     unless: Expression | None = None
     """Only for `eventually`: what makes it unnecessary."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
@@ -68,7 +66,7 @@ TRIAL_KEYS = {
 PARTICIPANT = "participant_s"
 SPEECH = "speech_s"
 MEASURES = (PARTICIPANT, SPEECH, "key_s", "wizard_s", "duration_s", "prompts", "repairs", "failures")
-"""Columns of every trial that can be the dependent variable. The declared columns can be it too."""
+"""Columns of every trial that can be the dependent variable, like the declared columns."""
 
 
 class TrialSettings(Struct, frozen=True):
@@ -81,7 +79,7 @@ class TrialSettings(Struct, frozen=True):
     """Each is a memory key or a part of a value; its text is the column's name."""
     measure: str = PARTICIPANT
     speech: str = ""
-    """The topic, without its slash, of the event at which the participant begins to speak. Empty: none says so."""
+    """The topic, without slash, of the event at which the participant begins to speak. Empty: none."""
 
     def begins_at(self, rule: str, state: str) -> bool:
         """Whether entering a state begins a trial."""

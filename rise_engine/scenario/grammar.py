@@ -1,8 +1,8 @@
-"""The grammar of acts and rules: which element belongs where, and what its attributes hold.
+"""The grammar of acts and rules: the places of elements, and the values of their attributes.
 
-The readers, the search for uses, completion, edits and the list of what RISE lacks all take it from here. The schemas
-for XML editors say the same in RELAX NG (`schema/`); `tests/scenario/test_editor_schemas.py` compares them. Sources:
-paper, sections 4.2.1 and 4.2.2; docs/reference/cra.md and docs/reference/rules.md.
+The readers, the search for uses, completion, edits and the list of extensions of RISE use it. The schemas for XML
+editors are equivalent RELAX NG (`schema/`); `tests/scenario/test_editor_schemas.py` compares them. Sources: paper,
+sections 4.2.1 and 4.2.2; docs/reference/cra.md and docs/reference/rules.md.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rise_engine.syntax.xml_writing import ACT_WRAPPERS, RULE_WRAPPERS
 ValueKind: TypeAlias = Literal[
     "text", "act", "rule", "state", "states", "event", "expression", "assignment", "delay", "choice", "choices"
 ]
-"""What the value of an attribute is. A delay is a time or an expression in braces; `states` and `choices` have `|`
+"""The kind of an attribute's value. A delay is a time or an expression in braces; `states` and `choices` have `|`
 between them."""
 
 
@@ -30,7 +30,7 @@ class AttributeForm(Struct, frozen=True):
     """Whether the value is the name of the element itself."""
     choices: tuple[str, ...] = ()
     of: str = ""
-    """The function that it says more about; empty: it can be written alone."""
+    """The function's attribute that it supplements; empty: it can be used alone."""
     in_rise: bool = True
     """Whether RISE knows it."""
 
@@ -39,19 +39,19 @@ class ElementForm(Struct, frozen=True):
     """An element of a file of acts or rules."""
 
     place: str = ""
-    """Where it belongs, as the end of a sentence about it."""
+    """Its place, as the end of a sentence."""
     children: tuple[str, ...] = ()
     attributes: Mapping[str, AttributeForm] = {}
-    """In the order in which they are written."""
+    """In the order of writing."""
     foreign: Mapping[str, str] = {}
-    """Attributes of SCXML that it does not have, and what to do instead."""
+    """Attributes of SCXML that it lacks, and the replacements."""
     in_rise: bool = True
 
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 STATEMENTS = ("function", "if", "oneOf")
 COMMON = ("actionID", "waitForActions", "onFailure")
-"""Children that every action may have, beside its parameters."""
+"""Children that every action may have, besides its parameters."""
 
 _ACT, _RULE, _STATE = AttributeForm("act"), AttributeForm("rule"), AttributeForm("state")
 _CONDITION = {"cond": AttributeForm("expression")}
@@ -129,5 +129,5 @@ _UNKNOWN = ElementForm()
 
 
 def form_of(tag: str) -> ElementForm:
-    """The form of an element; without children and attributes, of one that is not in the grammar."""
+    """The form of an element; an unknown one has no children and attributes."""
     return ELEMENTS.get(tag, _UNKNOWN)

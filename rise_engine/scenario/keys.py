@@ -1,7 +1,7 @@
 """The keys of the keyboard that a scenario may bind (docs/reference/scenario.md, "Keys").
 
 Names are those of Textual, the console's toolkit: `.` is `full_stop`. The engine does not import Textual, so they are
-listed here. Keys that terminals, tmux, macOS or editors swallow or confuse are refused with the reason.
+listed here. Keys that terminals, tmux, macOS or editors intercept or confuse are refused with the reason.
 """
 
 from __future__ import annotations
@@ -120,17 +120,17 @@ _SHIFTED = "write the character that the key types instead: `N`, `#`"
 
 
 class KeyRefusedError(RiseError, ValueError):
-    """A key that a scenario cannot bind; says why. `taken` is true if the console uses it."""
+    """A scenario cannot bind a key. `taken`: whether the console uses it."""
 
     def __init__(self, message: str, taken: bool = False, suggestion: Correction | None = None) -> None:
-        """`suggestion`: the key that was meant; its words are added to the message."""
+        """`suggestion`: the intended key; its words are added to the message."""
         super().__init__(message + (suggestion.words if suggestion else ""))
         self.taken = taken
         self.suggestion = suggestion and replace(suggestion, words="")
 
 
 def bindable_key_name(written: str) -> str:
-    """Textual's name of a key as an author writes it: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+f`.
+    """Textual's name of a key in an author's spelling: `1`, `n`, `N`, `.`, `full_stop`, `F5`, `ctrl+f`.
 
     Upper and lower case letters are different keys. Raises KeyRefusedError with the reason.
     """

@@ -63,11 +63,11 @@ class WrittenParts(Struct, frozen=True):
     templates: Mapping[str, Mapping[str, str | None]] = {}
     """The parameters of each used template with their defaults; None: the parameter is required."""
     unreadable: Mapping[str, str] = {}
-    """Files that are not well-formed XML, each with its first mistake. Some are still read after a repair."""
+    """Files that are not well-formed XML, each with its first error. Some are still read after a repair."""
 
 
 class LoadResult(Struct, frozen=True):
-    """The result of reading a scenario. There is a scenario exactly when no diagnostic is an error."""
+    """The result of reading a scenario. There is a scenario if and only if no diagnostic is an error."""
 
     scenario: Scenario | None
     diagnostics: list[Diagnostic]
@@ -76,21 +76,21 @@ class LoadResult(Struct, frozen=True):
     """The files that were read, by their path in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`).
     Written to these paths (`DEFAULT_PATHS`), they make the same scenario."""
     suppressed: list[SuppressedWarning] = []
-    """Warnings that are silenced on purpose, in reading order. They are not in `diagnostics`."""
+    """Warnings that are silenced on purpose, in reading order. `diagnostics` lacks them."""
     act_tables: ActTables = field(default_factory=ActTables)
     """The settings of acts in scenario.toml."""
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
-    """Everything that could be read, even with errors: acts, rules, memory, tables, and which names they use."""
+    """All readable parts, even with errors: acts, rules, memory, tables, and the names that they use."""
     robot: RobotProfile = field(default_factory=builtin_robot)
-    """The robot's profile; with errors, as far as it is valid."""
+    """The robot's profile; with errors, the valid part."""
     translations: dict[str, LanguageTexts] = {}
-    """By language; with errors, as far as they could be read."""
+    """By language; with errors, the readable part."""
     texts: tuple[SpokenText, ...] = ()
-    """All texts that the acts say, untranslated and in order; also with errors."""
+    """All texts of the acts, untranslated and in order; also with errors."""
     uses: Uses = field(default_factory=partial(Uses, ()))
-    """The uses of names in the files that could be read."""
+    """The uses of names in the readable files."""
     table_texts: tuple[TableText, ...] = ()
-    """The texts in the tables; empty while the study is in one language."""
+    """The texts in the tables; empty: the study has only one language."""
     parts: WrittenParts = field(default_factory=WrittenParts)
 
     def __iter__(self) -> Iterator[Any]:
@@ -124,8 +124,8 @@ def load(
         held: contents of files that replace those on the disk, by their names relative to the folder
             (`acts/greet.xml`); None: as if the file did not exist. The disk is not read for these files.
 
-    Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
-    column and a sentence. Mistakes in the files and unreadable files raise no error.
+    Returns the checked scenario with its warnings, or no scenario and all errors, each with file, line, column and a
+    sentence. Mistakes in the files and unreadable files raise no exception.
 
     >>> loaded = load("scenarios/greeting")
     >>> loaded.scenario.title, "person_name" in loaded.scenario.memory
@@ -147,13 +147,13 @@ def expanded_files(scenario: Scenario) -> list[XmlFile]:
 
 
 class ScenarioLoader:
-    """Reads one scenario once. `load` describes how; `ScenarioChecker` repeats it."""
+    """Reads one scenario once, as documented in `load`; `ScenarioChecker` repeats it."""
 
     def __init__(self, path: Path, held: Held | None = None, memo: Memo | None = None) -> None:
         """
         :param path: the scenario's folder, or the `scenario.toml` in it.
         :param held: contents that replace those on the disk.
-        :param memo: results of earlier reading.
+        :param memo: cached results.
         """
         self.memo = memo or Memo()
         self.diagnostics = Diagnostics()
@@ -167,7 +167,7 @@ class ScenarioLoader:
         self.memory_source: SourceFile | None = None
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
-        """The location for mistakes in what the caller asked for, which no file contains."""
+        """The location for errors in the caller's arguments, which no file contains."""
         self.templates: Mapping[str, ElementTemplate] = {}
         self.unread: list[str] = []
         """The files of acts and rules that are not well-formed XML."""
@@ -208,7 +208,7 @@ class ScenarioLoader:
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
             settings.act_tables.check_patterns(draft.acts, diagnostics)
-            if self.file.values:  # RISE's own files alone cannot say what happens after a failure
+            if self.file.values:  # RISE's own files alone do not define the reaction to a failure
                 check_failures(draft, settings.act_tables, settings.on_failure, profile, diagnostics)
 
         suppressions = [
@@ -326,7 +326,7 @@ class ScenarioLoader:
     def read_translations(
         self, settings: ScenarioSettings, robot: RobotProfile, language: str, allow_untranslated: bool
     ) -> TranslationReader:
-        """Read the translations and compare them with the acts; report it if the chosen language does not exist."""
+        """Read the translations and compare them with the acts; report a missing chosen language."""
         reader = TranslationReader(robot, self.draft, settings.language, language, self.diagnostics)
         reader.read(self.files, settings.languages)
         reader.report_missing(allow=allow_untranslated)
@@ -341,7 +341,7 @@ class ScenarioLoader:
         return reader
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
-        """Read the lexicon; empty if the folder has no such file."""
+        """Read the lexicon; empty: the folder has no such file."""
         path = self.folder / LEXICON_FILE
         source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = toml_of(source, self.files) if source is not None else None
@@ -350,7 +350,7 @@ class ScenarioLoader:
         return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
-        """Yield the XML files of a folder in the order of their names, or the one file that was named."""
+        """Yield the XML files of a folder in the order of their names, or the single file."""
         path = self.folder / relative_path
         if not self.check_exists(kind, path):
             return
@@ -399,7 +399,7 @@ class ScenarioLoader:
         )
 
     def check_exists(self, kind: str, path: Path) -> bool:
-        """Whether a place in the study's folder exists. A named one must exist; the usual ones need not."""
+        """Whether a place in the study's folder exists. A place in the settings must exist; the usual ones need not."""
         named = self.named.get(kind, "")
         where = SourceLocation(path.name)
         if named:
@@ -448,7 +448,7 @@ class ScenarioLoader:
 
 
 def _hash(files: Mapping[str, bytes], robot: str, language: str = "") -> str:
-    """Hash everything that was read, in a fixed order and wherever it was, and the language that was asked for."""
+    """Hash all files in a fixed order, independent of their places, and the requested language."""
     digest = sha256()
     asked = [("language", language.encode())] if language else []
     for name, data in [*sorted(files.items()), ("robot", robot.encode()), *asked]:

@@ -1,7 +1,7 @@
 """A checked scenario as plain, immutable values.
 
 The words are the paper's (section 4.2): a CommunicationRobotAct (here `Act`) is a graph of BehaviorActions (`Action`),
-an InteractionRule (`Rule`) is a state machine, the WorkingMemory is a JSON object. Nothing here knows time, robot,
+an InteractionRule (`Rule`) is a state machine, the WorkingMemory is a JSON object. Nothing here depends on time, robot,
 screen or file system; `rise_engine.scenario.loader.load` builds these values from a folder.
 """
 
@@ -40,9 +40,9 @@ class Parameter(Struct, frozen=True):
     name: str
     type: ParameterType
     unit: str = ""
-    """For people and for adapters: `m`, `rad`, `ms`, or empty."""
+    """For people and adapters: `m`, `rad`, `ms`, or empty."""
     default: Json = None
-    """The robot's value if the author leaves the parameter out; null: the robot chooses."""
+    """The robot's value if the author omits the parameter; null: the robot chooses."""
     required: bool = False
     minimum: float | None = None
     maximum: float | None = None
@@ -54,30 +54,30 @@ class Parameter(Struct, frozen=True):
     place: bool = False
     """For `name` parameters: whether the places of the robot and the study are also valid names."""
     spoken: bool = False
-    """For `text` parameters: whether people hear or read it in their language, so that it must be translated."""
+    """For `text` parameters: whether people hear or read it, so that it must be translated."""
 
 
 class ActionSpec(Struct, frozen=True):
-    """An action that a CRA can contain: declared as data, never programmed (semantics.md 2.1)."""
+    """An action that a CRA can contain, declared as data (semantics.md 2.1)."""
 
     name: str
     parameters: dict[str, Parameter]
     channels: tuple[str, ...] = ()
-    """The parts of the robot that it occupies: speech, gaze, face, body, arms, ... Acts that share one can conflict."""
+    """The robot's channels that it occupies: speech, gaze, face, ... Acts with a common one can conflict."""
     engine: bool = False
     """True for `Wait`, which runs in the engine and never reaches the robot."""
     supported: bool = True
-    """False if the scenario's robot cannot do it."""
+    """False if the scenario's robot cannot perform it."""
     substitute: str | None = None
-    """The action that this robot does instead (a head without hands points with its gaze)."""
+    """The action that this robot performs instead (a head without hands points with its gaze)."""
     seconds: float = 2.0
-    """Seconds that one execution takes if its parameters do not tell (see `expected_seconds`)."""
+    """Seconds of one execution if its parameters do not determine them (see `expected_seconds`)."""
     limit: float | None = None
     """Seconds after which a running action counts as timed out; null: derived from its expected duration."""
     ssml: bool = False
     """Whether its `message` may be SSML; otherwise the robot gets only the words."""
     carrier: dict[str, Json] = field(default_factory=dict)
-    """How an adapter transports it (for ROS: action name, type and field mapping). Opaque to the engine."""
+    """Settings for the adapter (for ROS: action name, type and field mapping). The engine ignores them."""
     help: str = ""
 
 
@@ -92,9 +92,9 @@ class RobotProfile(Struct, frozen=True):
     title: str
     driver: str
     actions: dict[str, ActionSpec]
-    """Every action that a scenario may use with this robot, by name, and the unsupported ones, marked as such."""
+    """All actions of a scenario with this robot by name, including the unsupported ones, marked as such."""
     options: dict[str, Json] = field(default_factory=dict)
-    """Settings that only the driver understands."""
+    """Settings for the driver only."""
     places: dict[str, dict[str, float | str]] = field(default_factory=dict)
     """The properties of each place that an action can name: `x`, `y`, `yaw`, `frame`, ..."""
 
@@ -110,11 +110,11 @@ class ActionCall(Struct, frozen=True):
 
 
 class Action(Struct, frozen=True):
-    """A node of an act's graph. It starts when all of `wait_for` have ended."""
+    """A node of an act's graph. It starts when all actions in `wait_for` have ended."""
 
     id: str
     calls: tuple[ActionCall, ...]
-    """One call, or several for `<Variants>`: one of them is picked at each start."""
+    """One call, or several for `<Variants>`, of which each start picks one."""
     wait_for: tuple[str, ...] = ()
     continue_on_failure: bool = False
     location: SourceLocation = field(default=SourceLocation(""), name="place")
@@ -157,14 +157,14 @@ class Function(Struct, frozen=True, tag="function"):
 
     name: FunctionName
     argument: str
-    """As written; event topics keep their slash here."""
+    """As written; event topics keep their slash."""
     assignment: Assignment | None = None
     """Only for `assignValue`."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     state: str | None = None
     """Only for `startInteractionRule`: the state in which the rule begins; null: its initial state."""
     enter: bool = True
-    """Only for `startInteractionRule`: false if the rule waits there without running `onEntry`."""
+    """Only for `startInteractionRule`: False if the rule waits there without running `onEntry`."""
     keep: float | None = None
     """Only for `raiseEventTopic`: seconds for which the event is kept if no rule waits for it."""
 
@@ -224,7 +224,7 @@ class Transition(Struct, frozen=True):
     """The topic without its leading slash."""
     condition: Expression | None = None
     after: Delay | None = None
-    """How long the rule must have been in the state, or `held` must have held."""
+    """Minimum time of the rule in the state, or of `held`."""
     target: str | None = None
     """The next state; null: the functions run without leaving the state."""
     block: Block = ()
@@ -232,9 +232,9 @@ class Transition(Struct, frozen=True):
     ended: str | None = None
     """The act whose end it waits for: the latest one of that name that this rule has started."""
     outcomes: tuple[ActOutcome, ...] = ()
-    """With `ended`, the outcomes that it waits for; empty: any."""
+    """With `ended`, the awaited outcomes; empty: any."""
     held: Expression | None = None
-    """With `after`, the condition that must hold all that time (`while`)."""
+    """With `after`, the condition that must hold during that time (`while`)."""
 
     @property
     def is_eventless(self) -> bool:
@@ -243,13 +243,13 @@ class Transition(Struct, frozen=True):
 
     @property
     def expressions(self) -> list[Expression]:
-        """Its condition, what must hold, and its computed time, as far as it has them."""
+        """Its condition, its held condition and its computed time, if it has them."""
         delay = self.after.expression if self.after is not None else None
         return [each for each in (self.condition, self.held, delay) if each is not None]
 
 
 class State(Struct, frozen=True):
-    """A state of a rule. One without transitions ends the rule after its `on_entry`."""
+    """A state of a rule. Without transitions, it ends the rule after `on_entry`."""
 
     id: str
     on_entry: Block = ()
@@ -259,7 +259,7 @@ class State(Struct, frozen=True):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What it does: on entry, on exit, and with each transition."""
+        """Its blocks: on entry, on exit, and of each transition."""
         return (self.on_entry, self.on_exit, *(transition.block for transition in self.transitions))
 
 
@@ -270,12 +270,12 @@ class Rule(Struct, frozen=True):
     initial: str
     states: dict[str, State]
     priority: float = 0
-    """Larger is nearer the top of the stack when the rule starts."""
+    """A larger priority starts the rule nearer the top of the stack."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
 
     @property
     def functions(self) -> Iterator[Function]:
-        """All functions anywhere in it."""
+        """All functions in it."""
         return (each for state in self.states.values() for block in state.blocks for each in functions_in(block))
 
 
@@ -288,7 +288,7 @@ class TranslatedColumn(Struct, frozen=True):
     values: list[Json]
     """One for each row; null: not translated."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
-    """Of the first missing value, or else of the column's name."""
+    """The place of the first missing value, or else of the column's name."""
 
 
 class Table(Struct, frozen=True, dict=True):
@@ -304,7 +304,7 @@ class Table(Struct, frozen=True, dict=True):
     """By language and translated column; empty in a scenario, which has one language."""
 
     def in_language(self, language: str) -> Table:
-        """The table that a session in this language reads: translated where a translation exists."""
+        """The table for a session in this language, with its translations."""
         if not self.translations:
             return self
         given = self.translations.get(language, {})
@@ -317,7 +317,7 @@ class Table(Struct, frozen=True, dict=True):
 
     @cached_property
     def records(self) -> list[dict[str, Json]]:
-        """The rows as expressions read them: one object each. Never change them."""
+        """The rows for expressions: one object each. Never change them."""
         return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
 
     @property
@@ -337,11 +337,11 @@ class KeyBinding(Struct, frozen=True):
     behavior: str
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
-    """Its meaning in the study, in the author's words (`label = "not understood"`); empty: none given."""
+    """Its meaning in the study, in the author's words (`label = "not understood"`); empty: none."""
     state: str | None = None
     """For a key that starts a rule: the state in which the rule begins; null: its initial state."""
     enter: bool = True
-    """For a key that starts a rule: false if the rule waits there without running `onEntry`."""
+    """For a key that starts a rule: False if the rule waits there without running `onEntry`."""
     keep: float | None = None
     """For a key that raises an event: seconds for which the event is kept if no rule waits for it."""
 
@@ -354,7 +354,7 @@ class KeyBinding(Struct, frozen=True):
 
 
 class ActSettings(Struct, frozen=True):
-    """How the console and the scheduler treat one act (`[act.NAME]` in scenario.toml)."""
+    """Settings of one act for the console and the scheduler (`[act.NAME]` in scenario.toml)."""
 
     hold: bool = False
     debounce: float = 0.5
@@ -363,17 +363,17 @@ class ActSettings(Struct, frozen=True):
     answers: bool = True
     """Whether it answers the participant's cue; a filler never does."""
     calling_type: CallingType = "Blocking"
-    """Used if the start of the act does not name a calling type."""
+    """Used if the request does not set a calling type."""
     on_failure: str = ""
-    """What happens after its failure, as in `Scenario.on_failure`; empty: the scenario decides."""
+    """The reaction to its failure, as in `Scenario.on_failure`; empty: the scenario's."""
 
 
 class FailurePolicy(Struct, frozen=True):
-    """What happens after an act has failed (`on_failure` in scenario.toml)."""
+    """The reaction to the failure of an act (`on_failure` in scenario.toml)."""
 
     kind: Literal["go_on", "ask", "repeat"]
     times: int = 0
-    """The most repetitions."""
+    """Maximum number of repetitions."""
 
 
 def parse_failure_policy(text: str) -> FailurePolicy:
@@ -387,7 +387,7 @@ def parse_failure_policy(text: str) -> FailurePolicy:
 
 
 MAX_REPEATS = 10
-"""How often a failed act can be repeated automatically."""
+"""Maximum number of automatic repetitions of a failed act."""
 
 
 class FillerSettings(Struct, frozen=True):
@@ -407,23 +407,23 @@ class LexiconTable(Struct, frozen=True):
     robot: str
     """The only robot that uses it; empty: all robots."""
     words: dict[str, str]
-    """The text that the robot gets instead, by word in Unicode's normal form C and with single blanks."""
+    """The text for the robot, by word in Unicode's normal form C with single blanks."""
 
 
 class Condition(Struct, frozen=True):
-    """A condition of the study: what the robot does in it (`[conditions.NAME]` in scenario.toml)."""
+    """A condition of the study (`[conditions.NAME]` in scenario.toml)."""
 
     memory: dict[str, Json] = field(default_factory=dict)
-    """Whole memory keys that a session in it begins with, instead of the start values."""
+    """Whole memory keys with the values at a session's start, instead of the start values."""
     label: str = ""
-    """What screens show instead of its name; empty: the name."""
+    """Its name on screens; empty: the name."""
     label_only: bool = False
     """Whether it sets nothing on purpose, because the difference is outside the robot."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class Scenario(Struct, frozen=True):
-    """A checked scenario, complete and immutable. `load` builds it; everything in it is found by name.
+    """A checked scenario, complete and immutable, as built by `load`. Its parts are found by name.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -452,11 +452,11 @@ class Scenario(Struct, frozen=True):
     """`participants` and `conditions` from `[study]`."""
     conditions: dict[str, Condition] = field(default_factory=dict)
     """By name, in the order of `[study] conditions`, or else of the file. Names without a table, as in scenarios of
-    earlier versions, are left out."""
+    earlier versions, are omitted."""
     private: frozenset[str] = frozenset()
-    """Whole memory keys with personal values, which are left out of data for others."""
+    """Whole memory keys with personal values, which are removed from data for others."""
     language: str = ""
-    """The language of its texts (BCP 47): that of the acts or of the chosen translation; empty: none is named."""
+    """The language of its texts (BCP 47): that of the acts or of the chosen translation; empty: not set."""
     lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
@@ -465,42 +465,42 @@ class Scenario(Struct, frozen=True):
     paths: dict[str, str] = field(default_factory=dict)
     """The places from which `acts`, `rules` and `memory` were read, relative to the folder."""
     on_failure: str = "go_on"
-    """What happens after an act has failed: `go_on`, `ask` or `repeat:2`. Acts may have their own setting."""
+    """The reaction to the failure of an act: `go_on`, `ask` or `repeat:2`. Acts may have their own setting."""
     known_keys: frozenset[str] = frozenset()
-    """Memory keys that the start values or anything in the scenario can set."""
+    """Memory keys that the start values or the scenario can set."""
     keys_read: frozenset[str] = frozenset()
-    """Memory keys that anything in the scenario reads, up to their first dot."""
+    """Memory keys that the scenario reads, up to their first dot."""
     reads_session: bool = False
-    """Whether anything reads the engine's values under `session` (semantics.md 7.2)."""
+    """Whether it reads the engine's values under `session` (semantics.md 7.2)."""
     factors_read: frozenset[str] = frozenset()
-    """Factors of a study that something in the scenario reads: `pace` for `session.factors.pace`."""
+    """Factors of a study that the scenario reads: `pace` for `session.factors.pace`."""
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""
-    """SHA-256 of every file that was read, in a fixed order, and of the language that was asked for. Scenarios with the
-    same hash are the same study."""
+    """SHA-256 of all files in a fixed order, and of the requested language. Scenarios with the same hash are the same
+    study."""
     languages: tuple[str, ...] = ()
     """The languages of its translations."""
     says_language: bool = False
-    """Whether `language` was asked for; if so, the robot gets it with each action that speaks."""
+    """Whether `language` was requested; then the robot gets it with each action that speaks."""
     explore: ExploreSettings = ExploreSettings()
     """The settings of `rise-engine explore`. Sessions use neither these nor the properties."""
     properties: tuple[StudyProperty, ...] = ()
     """The properties of the study, in file order."""
     trials: TrialSettings | None = None
-    """What counts as a trial; None: scenario.toml does not say. Exports use it, sessions do not."""
+    """The definition of a trial; None: scenario.toml has none. Exports use it, sessions do not."""
 
     @property
     def table_memory(self) -> dict[str, Json]:
-        """The tables as the memory holds them, by key."""
+        """The tables in the form of memory, by key."""
         return {name: table.records for name, table in self.tables.items()}
 
     def settings_of(self, act: str) -> ActSettings:
-        """The settings of an act, or the defaults if scenario.toml gives none; never raises."""
+        """The settings of an act, by default those of `ActSettings`; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
 
     def failure_policy(self, act: str) -> FailurePolicy:
-        """What happens after a failure of this act."""
+        """The reaction to a failure of this act."""
         return parse_failure_policy(self.settings_of(act).on_failure or self.on_failure)
 
 
@@ -513,7 +513,7 @@ SESSION_STATES = ("speaking", "cue", "stopped")
 """The parts of it that change while a session runs."""
 
 CUE_TOPICS = ("cue", "cue_undone")
-"""The events at the end of the participant's turn, and when that is taken back (semantics.md 4.2)."""
+"""The events at the end of the participant's turn, and when the mark is undone (semantics.md 4.2)."""
 
 
 def statements_in(block: Block) -> Iterator[Statement]:
@@ -549,7 +549,7 @@ def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:
 
 
 def event_behavior(event: str, keep: float) -> str:
-    """The behaviour of a task that raises an event which is kept for this many seconds."""
+    """The behaviour of a task that raises an event and keeps it for this many seconds."""
     return json.dumps({"event": event, "keep": f"{keep:g}s"}, ensure_ascii=False)
 
 

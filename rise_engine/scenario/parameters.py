@@ -1,4 +1,4 @@
-"""Values of action parameters: from the author's text to the value for the robot (docs/reference/cra.md)."""
+"""Converts values of action parameters from the author's text to the robot's value (docs/reference/cra.md)."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from rise_engine.scenario.model import ActionCall, ActionSpec, Parameter
 from rise_engine.scenario.speech.template import Template, spoken_text
 
 SPEECH_CHANNEL = "speech"
-"""An action on this channel says something."""
+"""Actions on this channel speak."""
 MESSAGE = "message"
-"""The parameter with the words."""
+"""The parameter with the spoken text."""
 LANGUAGE = "language"
-"""The parameter with their language."""
+"""The parameter with its language."""
 
 
 def says_message(spec: ActionSpec) -> bool:
-    """Whether an action says its `message` aloud, so that the lexicon applies to it and it can be SSML."""
+    """Whether an action speaks its `message`, so that the lexicon and SSML apply to it."""
     message = spec.parameters.get(MESSAGE)
     return message is not None and message.type == "text" and SPEECH_CHANNEL in spec.channels
 
 
 def spoken_parameters(spec: ActionSpec) -> tuple[str, ...]:
-    """The parameters with texts to translate: those declared `spoken`, and the `message` if it is said aloud."""
+    """The parameters with texts to translate: those declared `spoken`, and a spoken `message`."""
     return tuple(
         name
         for name, parameter in spec.parameters.items()
@@ -43,35 +43,35 @@ _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCI
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 _NO_PART = re.compile(r"[^-+0-9.eE\s]|\d\s+\d")
-"""Characters that no text around a memory value can have if the whole is a number."""
+"""Characters that no text around a memory value can contain if the whole is a number."""
 _LONGEST = {"ms": 1000 * MAX_SECONDS, "s": MAX_SECONDS}
-"""The largest value of a parameter that is a time, by unit: 24 hours."""
+"""The maximum of a parameter that is a time, by unit: 24 hours."""
 ANY_NAME = "*"
-"""In the names of a `name` parameter: any other name is accepted too."""
+"""In the names of a `name` parameter: any other name is accepted, too."""
 
 
 class ParameterError(RiseError, ValueError):
-    """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
+    """A value is invalid for an action's parameter: a sentence that begins with the parameter's name."""
 
     code = "wrong-type"
     """Or `out-of-range`: a number outside the parameter's limits."""
 
     def __init__(self, message: str, suggestion: Correction | None = None) -> None:
-        """`suggestion`: what was meant; its words are added to the message."""
+        """`suggestion`: the intended value; its words are added to the message."""
         super().__init__(message + (suggestion.words if suggestion else ""))
         self.suggestion = suggestion and replace(suggestion, words="")
 
 
 def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any:
-    """The value that a robot gets: of the declared type, within the range, or a known name.
+    """The value for the robot: of the declared type, within the range, or a known name.
 
     Arguments:
         parameter: its declaration. `parameter.unit` is the unit of the given and of the returned number.
         value: the author's text, or a memory value of any JSON type.
-        origin: the end of a message, with the source of the value.
+        origin: the end of the message, with the source of the value.
 
-    Returns a str, int, float or bool. A number that is written as an integer stays one; a `name` that is written as its
-    code stays a number. Raises only ParameterError, for any value.
+    Returns a str, int, float or bool. Integers stay integers; a `name` that is given as its code stays a number. Raises
+    only ParameterError, for any value.
 
     >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
     1500
@@ -97,7 +97,7 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
                 return _convert_to_boolean(parameter, value, origin)
             case "name":
                 return _convert_to_name(parameter, value, origin)
-    except (OverflowError, RecursionError):  # lists nested without end, as a text
+    except (OverflowError, RecursionError):  # endlessly nested lists, as a text
         raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
 
@@ -113,15 +113,15 @@ def is_bare_key(parameter: Parameter, text: str) -> bool:
 
 
 def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of an action that starts now: memory filled in, converted, omitted ones absent.
+    """The parameters of an action that starts now: filled from memory, converted, without omitted ones.
 
     Arguments:
         call: the action as written in its act.
         spec: its declaration (`scenario.robot.actions[call.type]`), with the unit of each parameter.
         memory: the current values, by key.
 
-    Returns the values by parameter. Raises only MissingValueError, for a memory key without value or fallback, and
-    ParameterError, for a value that the action cannot take (with its memory keys), whatever the memory holds.
+    Returns the values by parameter. For any memory, raises only MissingValueError (a key without value or fallback) and
+    ParameterError (an invalid value, with its memory keys).
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -143,7 +143,7 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
 
 
 def check_template(parameter: Parameter, template: Template) -> None:
-    """Raise ParameterError if no memory value can turn a template with slots into a valid value of the parameter."""
+    """Raise ParameterError if no memory value can make a template with slots a valid value of the parameter."""
     if parameter.type == "text":
         return
     slots = template.slots
@@ -171,7 +171,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
 
 
 def _could_spell(template: Template, name: str) -> bool:
-    """Whether some memory values turn a template into this name: its literal parts occur in the name in order."""
+    """Whether some memory values could make a template this name: its literal parts occur in the name in order."""
     parts = template.parts
     first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""
     first, last = first.lstrip(), last.rstrip()

@@ -1,4 +1,4 @@
-"""A checked scenario as one JSON object, and back, so that clients need not read and check the files again."""
+"""Encodes a checked scenario as one JSON object, and decodes it, so that clients need not read and check its files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ScenarioDecodeError(RiseError, ValueError):
 def encode_scenario(scenario: Scenario) -> bytes:
     """Encode the fields of `Scenario`, with conditions and assignments as their texts.
 
-    Raises UnicodeEncodeError if a text contains half a character, which JSON cannot carry.
+    Raises UnicodeEncodeError if a text contains half a character, which JSON does not allow.
     """
     if escape_surrogates(scenario.folder) != scenario.folder:  # a folder name that is not UTF-8
         scenario = replace(scenario, folder=escape_surrogates(scenario.folder))
@@ -32,7 +32,7 @@ def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
     """Undo `encode_scenario`. Raises ScenarioDecodeError."""
     try:
         scenario = _decoder().decode(data)
-    except (ValueError, RecursionError) as error:  # an invalid condition is a ValueError too
+    except (ValueError, RecursionError) as error:  # an invalid condition raises ValueError, too
         raise ScenarioDecodeError(f"this is not a scenario of this version: {error}") from None
     folder = restore_surrogates(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
@@ -40,7 +40,7 @@ def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
 
 @cache
 def _decoder() -> msgspec.json.Decoder[Scenario]:
-    """The decoder, built at first use because that takes a few milliseconds."""
+    """The decoder, built on demand because that takes a few milliseconds."""
     return msgspec.json.Decoder(Scenario, dec_hook=_decode_text)
 
 
@@ -52,7 +52,7 @@ def _encode_text(value: Any) -> Any:
 
 def _decode_text(kind: type, value: Any) -> Any:
     if kind is Expression:
-        return Expression.parse_property(value)  # reads every other condition as well
+        return Expression.parse_property(value)  # accepts all other conditions, too
     if kind is Assignment:
         return Assignment.parse(value)
     raise TypeError(f"a scenario holds no {kind.__name__}")

@@ -1,6 +1,6 @@
 """The studies that come with the program: complete scenarios to run by name from anywhere, and to copy.
 
-An installation has them in this package, a checkout in the folder `scenarios`. Nothing is written there. A new study
+An installation has them in this package, a checkout in the folder `scenarios`. They are never changed. A new study
 begins with a copy or with its first files.
 """
 
@@ -32,7 +32,7 @@ def shipped_studies() -> dict[str, Path]:
 
 
 def resolve_study(written: str) -> str:
-    """The folder (or file) that is meant: an existing path, or else the shipped study of that name."""
+    """The intended folder (or file): an existing path, or else the shipped study of that name."""
     name = written.strip().rstrip("/")
     if not name or os.path.lexists(written) or "/" in name:
         return written
@@ -102,7 +102,7 @@ def _check_empty(folder: Path) -> None:
 
 AGENTS_FILE = "AGENTS.md"
 _BLANK = Path(__file__).with_name("blank")
-"""A study with one act and one rule, whose title and robot are TITLE and ROBOT."""
+"""A study with one act and one rule, with TITLE and ROBOT for its title and robot."""
 
 
 def blank_study(title: str, robot: str) -> dict[str, str]:
@@ -116,7 +116,7 @@ def blank_study(title: str, robot: str) -> dict[str, str]:
 
 
 def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
-    """Make a study with one act and one rule in a new or empty folder, whole or not at all. Returns its files' names.
+    """Make a study with one act and one rule in a new or empty folder, completely or not at all. Returns its files.
 
     :raises StudyError: the folder is not empty, or it cannot be written.
     """
@@ -130,7 +130,7 @@ def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
 
 
 def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
-    """Make a folder of a study, or fill an empty one, whole or not at all.
+    """Make a folder of a study, or fill an empty one, completely or not at all.
 
     :param files: texts by their names in the folder.
     :raises StudyError: a name is not allowed in a study.

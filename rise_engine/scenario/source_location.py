@@ -22,7 +22,7 @@ class SourceLocation(Struct, frozen=True):
     line: int = 1
     column: int = 1
     template: TemplateLocation | UnsetType = UNSET
-    """The place in the template, for something from a template. File, line and column are then those of the `<use>`."""
+    """The place in the template, for an element from one. File, line and column are then those of the `<use>`."""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"

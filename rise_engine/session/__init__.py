@@ -1,1 +1,1 @@
-"""A session on disk: its folder, its journal, and what is read from them (docs/reference/sessions.md)."""
+"""A session on disk: its folder, its journal, and their contents (docs/reference/sessions.md)."""

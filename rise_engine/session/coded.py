@@ -1,7 +1,7 @@
 """`coded.json` and `coded/` in a session's folder: annotations that people made in ELAN or BORIS and added.
 
-`coded/` has the files unchanged. `coded.json` says how their time relates to the session's, and which tiers the tables
-show. Annotations are read from the files each time.
+`coded/` has the unchanged files. `coded.json` relates their time to the session's and names the tiers for tables.
+Annotations are read from the files each time.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from rise_engine.session.media import change_list, list_bytes, read_list, with_i
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
 MAX_BYTES = 200_000_000
 ClockSource: TypeAlias = Literal["file", "media", "given"]
-"""How the time of an annotation file was aligned. file: the file says it, as this program wrote it; media: by the
-recording that was annotated; given: a person gave it."""
+"""How the time of an annotation file was aligned. file: by the clock in the file, which this program wrote; media: by
+the annotated recording; given: by a person."""
 
 
 class CodedFile(Struct, frozen=True, kw_only=True):
@@ -35,11 +35,11 @@ class CodedFile(Struct, frozen=True, kw_only=True):
     clock: CodedClock
     clock_by: ClockSource
     tiers: tuple[str, ...]
-    """The tiers that are used."""
+    """The used tiers."""
     speech: tuple[str, ...] = ()
     """The tiers among them that hold the participant's speech."""
     annotator: str = ""
-    """The person who annotated, where a tier does not name one."""
+    """The annotator, where a tier does not name one."""
     observation: str = ""
     """For a BORIS file: the session's observation."""
     added: str = ""
@@ -49,7 +49,7 @@ class CodedFile(Struct, frozen=True, kw_only=True):
 
 
 def read_coded(folder: Path) -> tuple[CodedFile, ...]:
-    """Read the list of a session's annotation files, in the order in which they were added.
+    """Read the list of a session's annotation files, in the order of their addition.
 
     :param folder: the session's folder.
     :raises SessionError: coded.json cannot be read.
@@ -125,7 +125,7 @@ def remove_coded(folder: Path, name: str) -> None:
 
 
 def coded_paths(folder: Path) -> list[Path]:
-    """Return the paths of coded.json and the files that it lists. Empty where there are none."""
+    """Return the paths of coded.json and its files; empty: there are none."""
     try:
         files = read_coded(folder)
     except SessionError:

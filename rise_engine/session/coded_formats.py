@@ -1,7 +1,7 @@
 """Readers of annotation files that people give back: ELAN's `.eaf`, BORIS projects, and event tables from BORIS.
 
-Tiers and behaviours that `rise-engine export` wrote into such a file are skipped. The relation of the file's time to
-the session's is read back from it.
+Tiers and behaviours that `rise-engine export` wrote into a file are skipped. Its clock, which relates its time to the
+session's, is read.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _CLOCK_TEXT = re.compile(rf"annotation seconds = {_NUMBER} \+ {_NUMBER} \* session seconds")
 _GAP_TEXT = re.compile(rf"{_NUMBER} s more from session second {_NUMBER} on")
 _ROUNDING = 1e-5
-"""Seconds by which two ways to compute a duration can differ."""
+"""Maximum difference in seconds of two computations of a duration."""
 _BORIS_STATE = "state event"
 
 
@@ -45,10 +45,10 @@ class CodedClock(Struct, frozen=True):
     shift: float = 0.0
     rate: float = 1.0
     gaps: tuple[tuple[float, float], ...] = ()
-    """Session times at which the session had no engine, each with its length."""
+    """Session times without an engine, each with its length."""
 
     def to_session(self, at: float) -> float:
-        """Return the session time of an annotation time. Times within a gap become the gap's start."""
+        """Return the session time of an annotation time. Times within a gap become the start of the gap."""
         passed, away = (at - self.shift) / self.rate, 0.0
         for begin, seconds in self.gaps:
             if passed < begin + away:
@@ -81,7 +81,7 @@ class CodedSpan(Struct, frozen=True):
     modifiers: str = ""
     comment: str = ""
     outage: float = 0.0
-    """Seconds of it in which the session had no engine; only known in session seconds."""
+    """Seconds of it without an engine; only known in session seconds."""
 
 
 class CodedDocument(Struct):
@@ -89,15 +89,15 @@ class CodedDocument(Struct):
 
     spans: list[CodedSpan]
     tiers: list[str]
-    """The tiers that people made, also empty ones."""
+    """The tiers of people, also empty ones."""
     clock: CodedClock | None = None
-    """How its time relates to the session's. None: the file does not say."""
+    """The relation of its time to the session's; None: not in the file."""
     session: str = ""
-    """The session's name. Empty: the file does not say."""
+    """The session's name; empty: not in the file."""
     media: tuple[tuple[str, float], ...] = ()
     """The names of the annotated recordings, and the recording's own seconds at annotation time 0."""
     problems: list[str] = []
-    """Sentences about what could not be read."""
+    """Sentences about unreadable parts."""
 
 
 def read_coded_document(name: str, data: bytes, observation: str = "", session: str = "") -> CodedDocument:
@@ -120,7 +120,7 @@ def read_coded_document(name: str, data: bytes, observation: str = "", session: 
 
 
 def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> bytes:
-    """Replace what people wrote in an annotation file. A file that cannot be read stays unchanged.
+    """Replace texts of people in an annotation file. A file that cannot be read stays unchanged.
 
     :param name: the file's name.
     :param data: the file's contents.
@@ -201,7 +201,7 @@ def _origin(descriptor: etree._Element) -> float:
 
 
 def _place_unaligned(tier: etree._Element, times: dict[str, float]) -> None:
-    """Give times to the time slots of ELAN's subdivisions: equal distances between the slots that have a time."""
+    """Give times to ELAN's subdivisions: equal distances between the slots that have a time."""
     order: list[str] = []
     for each in tier.iter("ALIGNABLE_ANNOTATION"):
         for slot in (each.get("TIME_SLOT_REF1", ""), each.get("TIME_SLOT_REF2", "")):
@@ -422,7 +422,7 @@ def _seconds(name: str, line: int, row: dict[str, str], column: str) -> float:
 
 
 def tiers_taken(document: CodedDocument, wanted: Iterable[str]) -> Iterator[str]:
-    """Give the named tiers, or all tiers if none are named. Raises SessionError for an unknown name."""
+    """Yield the named tiers, or all tiers if none are named. Raises SessionError for an unknown name."""
     for each in wanted:
         if each not in document.tiers:
             near = did_you_mean(each, document.tiers, limit=0)

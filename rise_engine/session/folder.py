@@ -1,11 +1,11 @@
-"""A session's folder: what the session ran, and what happened in it.
+"""A session's folder: what the session ran, and what happened.
 
     2026-11-21_141503_P07_lablinking_real/
         session.toml     what ran: who, scenario and its hash, mode, robot, seed, speed, versions, machine
         scenario/        a copy of every file that was read, the robot's profile included
         journal.jsonl    what happened (rise_engine.session.journal_format)
 
-The folders are in `$RISE_SESSIONS`, by default `~/rise-sessions`. Those of a study are in its `sessions`. No folder is
+The folders are in `$RISE_SESSIONS`, by default `~/rise-sessions`, and those of a study in its `sessions`. No folder is
 ever overwritten.
 """
 
@@ -59,38 +59,38 @@ class SessionInfo(Struct, frozen=True):
 
     title: str
     mode: Literal["debug", "real"]
-    """debug: the robot was simulated; these are not a participant's data."""
+    """debug: the robot was simulated, so these are not a participant's data."""
     robot: str
     seed: int
     scenario_hash: str
     scenario_folder: str
-    """The folder from which the scenario was read. Its copy is beside this file."""
+    """The folder of the scenario. Its copy is beside this file."""
     started: str
     """ISO 8601 with offset."""
     format: int = FORMAT
     speed: float = 1.0
     faults: tuple[str, ...] = ()
-    """The errors that the simulated robot was asked to make."""
+    """The requested faults of the simulated robot."""
     ros: RosTransport = "auto"
     """The requested connection to ROS 2."""
     ros_args: tuple[str, ...] = ()
     participant: str = ""
     condition: str = ""
     wizard: str = ""
-    """Who started it, as consoles name themselves (`anna`). Empty: a program, or an older version."""
+    """The wizard who started it, as in consoles (`anna`); empty: a program or an older version did."""
     study: str = ""
-    """The study's id. Empty: the session belongs to no study."""
+    """The study's id; empty: the session belongs to no study."""
     study_hash: str = ""
     slot: int = 0
-    """The row of the study's plan. 0: the session has none."""
+    """The row of the study's plan; 0: none."""
     run: int = 0
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
-    """From `study` on, these are as in `rise_engine.kernel.records.SessionRecord`."""
+    """The fields from `study` on are those of `rise_engine.kernel.records.SessionRecord`."""
     language: str = ""
-    """The requested language (`--language`). Empty: everything is said as the acts have it."""
+    """The requested language (`--language`); empty: that of the acts."""
     allow_untranslated: bool = False
-    """Whether untranslated sentences were said as the acts have them."""
+    """Whether untranslated sentences were spoken in the language of the acts."""
     factors: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
@@ -186,11 +186,10 @@ def create_session(
 
 
 def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
-    """Read `session.toml` in a session's folder, and compare it with the journal. Once there is a journal, it tells
-    when the session began.
+    """Read `session.toml` in a session's folder, and compare it with the journal, which has the time of the start.
 
     :param folder: the session's folder.
-    :param compare: False: silently use the journal's values where the two differ.
+    :param compare: False: use the journal's values without an error where the two differ.
     :raises RelabelledError: the journal has other values.
     :raises SessionError: there is no `session.toml`, it cannot be read, or a newer version wrote it.
     """
@@ -208,10 +207,10 @@ def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
 
 
 def info_differences(folder: Path, *, moments: bool = False) -> list[str]:
-    """List the differences between `session.toml` and the journal in sentences. Empty when it cannot be read.
+    """List the differences between `session.toml` and the journal, in sentences; empty: it cannot be read.
 
     :param folder: the session's folder.
-    :param moments: also compare when it began.
+    :param moments: also compare the start.
     """
     try:
         told = asdict(_read_info(folder))
@@ -240,12 +239,12 @@ def _read_info(folder: Path) -> SessionInfo:
 
 
 def spoken_as(info: SessionInfo) -> dict[str, Any]:
-    """Return the arguments of `load` that give a session's scenario the same spoken texts again."""
+    """Return the arguments of `load` for the spoken texts of this session."""
     return {"language": info.language or None, "allow_untranslated": info.allow_untranslated}
 
 
 def load_copy(copy: Path, **how: Any) -> LoadResult:
-    """Load a copy of a scenario, which has the files that the session used.
+    """Load a copy of a scenario, with the files that the session used.
 
     :param how: as for `rise_engine.scenario.loader.load`.
     """
@@ -253,7 +252,7 @@ def load_copy(copy: Path, **how: Any) -> LoadResult:
 
 
 def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
-    """Load the scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
+    """Load the session's copy of the scenario. Raises SessionError if it is missing or was changed."""
     copy = folder / SCENARIO_COPY
     if not copy.is_dir():
         raise SessionError(
@@ -271,12 +270,12 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
 
 
 def has_ended(folder: Path) -> bool:
-    """Whether the last input in the journal ended the session. False when this is unknown."""
-    return b'"input":"session_ended"' in _end_of_journal(folder)  # no text can hold this: its quotes would be escaped
+    """Whether the last input in the journal ended the session; False if unknown."""
+    return b'"input":"session_ended"' in _end_of_journal(folder)  # a text would escape the quotes
 
 
 def left_open(folder: Path) -> tuple[OpenGoal, ...]:
-    """What the robot may still have been doing when a session ended. Empty also when this is unknown."""
+    """The robot's open goals at the end of a session; also empty if unknown."""
     try:
         last = read_line(_end_of_journal(folder).rstrip(b"\n").rpartition(b"\n")[2])
     except LineError:
@@ -285,7 +284,7 @@ def left_open(folder: Path) -> tuple[OpenGoal, ...]:
 
 
 def _end_of_journal(folder: Path) -> bytes:
-    """The last bytes of the journal, with the input that ended the session and its records. Empty if unreadable."""
+    """The last bytes of the journal, with the input that ended the session and its records; empty if unreadable."""
     try:
         with (folder / JOURNAL).open("rb") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
@@ -295,7 +294,7 @@ def _end_of_journal(folder: Path) -> bytes:
 
 
 def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
-    """Find sessions of one or all scenarios that did not end in order and that no engine runs. The latest is first.
+    """Find sessions of one or all scenarios that did not end and that no engine runs, the latest first.
 
     `root`: the folder with the sessions, such as a study's `sessions`. Default: `sessions_folder`.
     """
@@ -307,17 +306,17 @@ def find_unfinished(scenario_folder: str | None = None, root: Path | None = None
 
 
 def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
-    """Find sessions of one or all scenarios that an engine runs, with the noted holders. The latest is first.
+    """Find sessions of one or all scenarios that an engine runs, with the noted holders, the latest first.
 
     The journal's lock decides, so the engine's socket may be anywhere. `root` as in `find_unfinished`; without it, the
-    sessions of the study around the scenario's folder are searched too.
+    study around the scenario's folder is searched, too.
     """
     roots = [root] if root is not None else [sessions_folder(), *_study_sessions(scenario_folder)]
     return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder, roots) if runs}
 
 
 def _study_sessions(scenario_folder: str | None) -> list[Path]:
-    """Return where the sessions of this scenario's study are."""
+    """Return the folder of the sessions of this scenario's study, if any."""
     if scenario_folder is None:
         return []
     around = list(Path(os.path.realpath(scenario_folder)).parents)[:3]
@@ -346,7 +345,7 @@ def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple
 
 
 def describe_session(folder: Path) -> str:
-    """Describe in a sentence which session it is and how far it came."""
+    """Describe a session and its progress in a sentence."""
     try:
         info = read_info(folder)
         last = (folder / JOURNAL).stat().st_mtime
@@ -364,7 +363,7 @@ def describe_session(folder: Path) -> str:
 
 
 def belongs_to(info: SessionInfo, participant: str, condition: str) -> bool:
-    """Whether a session is of this participant and condition. Empty: any."""
+    """Whether a session is of this participant and condition; empty: any."""
     return participant in ("", info.participant) and condition in ("", info.condition)
 
 
@@ -391,13 +390,13 @@ def has_begun(folder: Path) -> bool:
 
 
 def mark_abandoned(folder: Path) -> None:
-    """Stop asking whether to recover an unfinished session. It can still be recovered by name."""
+    """Stop offering an unfinished session for recovery. It can still be recovered by name."""
     (folder / _ABANDONED).touch(0o600)
     forget_holder(folder)
 
 
 def is_abandoned(folder: Path) -> bool:
-    """Whether somebody decided not to continue it."""
+    """Whether a person decided not to continue it."""
     return (folder / _ABANDONED).exists()
 
 
@@ -433,7 +432,7 @@ def _ascii_name(text: str) -> str:
 
 
 def write_info(path: Path, info: SessionInfo) -> None:
-    """Write the file whole or not at all, because checks of a study rely on it."""
+    """Write the file in one step, because a study's checks rely on it."""
     write_whole(path, _info_toml(info).encode("utf-8"))
 
 

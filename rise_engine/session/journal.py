@@ -1,9 +1,9 @@
-"""Writes a journal: a separate thread makes lines durable, each time all that are waiting (natural group commit).
+"""Writes a journal: a thread makes lines durable, each time all waiting lines together (natural group commit).
 
-The engine hands lines over, goes on, and is told when they are on the disk. When the disk fails, nothing is dropped.
-The thread opens the file again and writes all lines that are not known to be durable, because a sync that succeeds
-after a failed one proves nothing. An open journal is locked (`rise_engine.session.lock`), also after its file was
-reopened or rewritten.
+The engine passes lines on, continues, and is notified when they are on the disk. When the disk fails, no line is lost.
+The thread opens the file again and writes all lines that are not known to be durable, because after a failed sync a
+successful one proves nothing. An open journal is locked (`rise_engine.session.lock`), also after its file was reopened
+or rewritten.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from rise_engine.base.files import Disk, error_message
 from rise_engine.session.lock import JournalLock
 
 RETRY_SECONDS = 1.0
-"""Seconds between a failure of the disk and the next try."""
+"""Seconds between a failure of the disk and the next attempt."""
 CLOCK_SECONDS = 1.0
-"""Seconds between writes to the file `clock`, which has the session's time in case the engine vanishes."""
+"""Seconds between writes of the session's time to the file `clock`, which is used if the engine dies."""
 BATCH = 4_000_000
-"""Bytes after which a batch is written even if more lines wait."""
+"""Maximum number of bytes in a batch."""
 
 
 class Journal:
-    """The journal of a running session. Only the engine's thread may use it; the writer's thread is its own."""
+    """The journal of a running session. Only the engine's thread may use it."""
 
     def __init__(
         self,
@@ -42,16 +42,16 @@ class Journal:
         disk: Disk | None = None,
         retry: float = RETRY_SECONDS,
     ) -> None:
-        """Open the journal and start its thread. Raises OSError, and SessionError when it cannot be locked.
+        """Open the journal and start its thread. Raises OSError, and SessionError if it cannot be locked.
 
-        `size`: 0 makes a new file, else an existing one continues there. `lock`: an existing lock of the journal,
+        `size`: 0 makes a new file; otherwise an existing one continues there. `lock`: an existing lock of the journal,
         which owns it from now on. `changed` is called on the writer's thread when `durable` or `error` changes, and
-        must not block. `now` gives the session's time in seconds for the file `clock`.
+        must not block. `now` returns the session's time in seconds for the file `clock`.
         """
         self.path = path
         self.on_change = changed
         self.error = ""
-        """Why lines are not becoming durable at the moment, for a person. Empty while all is well."""
+        """Why lines do not become durable at present, for a person; empty: no trouble."""
         self.durable = 0
         """The number of `append` calls whose lines are on the disk."""
         self.appended = 0
@@ -61,13 +61,13 @@ class Journal:
         self._size = size
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._last_progress = 0.0
-        """When lines last became durable, or began to wait after all were durable (monotonic clock)."""
+        """When lines last became durable, or when a new line found no other waiting (monotonic clock)."""
         self._last_seen_in_place = 0.0
-        """When the file was last seen in its place."""
+        """When the file was last found in its place."""
         self._give_up = threading.Event()
         self._descriptor = self._disk.open(path, create=size == 0)
         self._file = os.fstat(self._descriptor)
-        """The file's identity, still known when the file cannot be asked."""
+        """The file's identity, for times when the file cannot be accessed."""
         self.lock = lock or JournalLock(path)
         if size == 0:
             self._disk.sync_folder(path.parent)
@@ -76,7 +76,7 @@ class Journal:
         self._thread.start()
 
     def append(self, lines: bytes) -> int:
-        """Hand over whole lines. They are durable when `durable` reaches the returned number."""
+        """Pass on whole lines. They are durable when `durable` reaches the returned number."""
         if self.durable == self.appended:
             self._last_progress = time.monotonic()
         self.appended += 1
@@ -85,16 +85,16 @@ class Journal:
 
     @property
     def lag(self) -> float:
-        """Seconds for which lines have waited without progress. 0 when nothing waits."""
+        """Seconds for which lines have waited without progress; 0: none waits."""
         return 0.0 if self.durable == self.appended else time.monotonic() - self._last_progress
 
     def close(self, timeout: float = 5.0) -> bool:
-        """Wait (blocking) until all is durable. False when the disk needs more than `timeout` seconds."""
+        """Wait (blocking) until all lines are durable. False if the disk needs more than `timeout` seconds."""
         self._queue.put(None)
         self._thread.join(timeout)
         self._give_up.set()
         self._thread.join(1.0)
-        if not self._thread.is_alive():  # else it may still write, and the lock ends with the process
+        if not self._thread.is_alive():  # otherwise it may still write, and the lock ends with the process
             self.lock.release()
         return self.durable == self.appended
 
@@ -128,7 +128,7 @@ class Journal:
             os.close(self._clock)
 
     def _commit(self, data: bytes) -> bool:
-        """Write lines durably. False when the engine cannot wait any longer."""
+        """Write lines durably. False if the engine cannot wait any longer."""
         while True:
             try:
                 if time.monotonic() - self._last_seen_in_place > CLOCK_SECONDS:
@@ -146,9 +146,9 @@ class Journal:
                 return True
 
     def _restore_if_removed(self) -> None:
-        """Write the journal anew if somebody removed its file, which would vanish with all its lines.
+        """Write the journal again if its file was removed and would vanish with all its lines.
 
-        The check runs once a second instead of at each commit: lines written meanwhile are still in the removed file.
+        Checked once a second instead of at each commit: meanwhile, the removed file still has the lines.
         """
         with suppress(FileNotFoundError):
             if os.path.samestat(self.path.stat(follow_symlinks=False), os.fstat(self._descriptor)):
@@ -163,7 +163,7 @@ class Journal:
                 for at in range(0, self._size, BATCH):
                     self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
                 self._disk.sync(fresh)
-                os.link(copy, self.path)  # unlike a rename, a link never replaces another file
+                os.link(copy, self.path)  # unlike a rename, a link never replaces a file
         except OSError:
             self._disk.close(fresh)
             raise
@@ -173,7 +173,7 @@ class Journal:
         self._disk.sync_folder(self.path.parent)
 
     def _reopen(self) -> None:
-        """Open the file again after an error, as network file systems need it. Never opens another file."""
+        """Open the same file again after an error. Network file systems need this."""
         try:
             fresh = self._disk.open(self.path, create=False)
         except OSError:  # the next write reports the error

@@ -4,8 +4,8 @@
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
-The records are the same as in every other output (semantics.md 11). Replay feeds the inputs to a fresh kernel. `crc` is
-the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
+The records are those of every other output (semantics.md 11). A replay gives the inputs to a fresh kernel. `crc` is the
+CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rise_engine.kernel.records import AnyRecord
 JOURNAL = "journal.jsonl"
 """The file's name in a session's folder."""
 FORMAT = 1
-"""The format's number. It increases when programs of an earlier release could not read what is written."""
+"""The format's number. It increases when programs of an earlier release could not read new journals."""
 
 
 class JournalHeader(Struct, frozen=True):
@@ -53,7 +53,7 @@ _read_input = msgspec.json.Decoder(AnyInput).decode
 _read_record = msgspec.json.Decoder(AnyRecord).decode
 
 INPUT_START = b'{"n"'
-"""How the line of an input begins, and no other line."""
+"""The start of the line of an input, and of no other line."""
 _CHECKSUM_BYTES = len(b',"crc":"01234567"}')
 """The length of the checksum at the end of a line."""
 
@@ -61,10 +61,10 @@ JournalLine: TypeAlias = JournalHeader | InputLine | AnyRecord
 
 
 class LineError(RiseError):
-    """A line is not what was written; the text says what is wrong with it."""
+    """A line is not as it was written. The text names the reason."""
 
     def __init__(self, why: str, *, newer: bool = False) -> None:
-        """`newer`: a newer program wrote this."""
+        """`newer`: a newer program wrote it."""
         super().__init__(why)
         self.newer = newer
 
@@ -77,21 +77,21 @@ def encode_header(program: str) -> bytes:
 def encode_input(number: int, input: AnyInput) -> bytes:
     """Encode input `number` as a line, with its line end.
 
-    Raises UnicodeEncodeError when a text in it has lone surrogates, which no file can hold.
+    Raises UnicodeEncodeError if a text in it has lone surrogates, which UTF-8 cannot encode.
     """
     return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(input)[1:])
 
 
 def encode_record(record: AnyRecord) -> bytes:
-    """Encode a record as JSON without a line end. The journal, the socket, ROS and exports all have the same bytes.
+    """Encode a record as JSON without a line end: the same bytes for the journal, the socket, ROS and exports.
 
-    Lone surrogates, which no output can hold, are written as `\\udcff`.
+    Lone surrogates, which UTF-8 cannot encode, are written as `\\udcff`.
     """
     return encode(record)
 
 
 def with_checksum(encoded: bytes) -> bytes:
-    """Make a line, with its line end, from a JSON object such as `encode_record` gives."""
+    """Make a line, with its line end, from a JSON object such as that of `encode_record`."""
     body = encoded[:-1]
     return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
 
@@ -107,7 +107,7 @@ def encode_line(line: JournalLine) -> bytes:
 
 
 def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
-    """Join all lines of a step: the line from `encode_input`, then those of the encoded records."""
+    """Join all lines of a step: that of `encode_input`, and those of the encoded records."""
     return b"".join((line, *map(with_checksum, encoded)))
 
 

@@ -1,10 +1,10 @@
 """Reads a journal: its inputs and records, its torn end, and damaged or missing lines before that.
 
-Each whole line has a checksum and its own number (`n` of inputs, `seq` of records). Changed, lost, doubled and moved
-lines are therefore found. Repairs are in `recovery`.
+Each whole line has a checksum and a number (`n` of inputs, `seq` of records). So changed, lost, doubled and moved lines
+are found. `recovery` repairs them.
 
-A session of three hours has a million lines, so they are never all in memory. `read_journal` reads the file once and
-says what is there and what is valid. Callers that need the lines read the file again.
+A session of three hours has a million lines, so they are never all in memory. `read_journal` reads the file once for
+its contents and faults. Callers that need the lines read it again.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ ProgressCallback = Callable[[str], object]
 """Gets a sentence about the progress, about twice a second."""
 
 StepInput: TypeAlias = tuple[int, InputLine]
-"""The place of an input among the lines of its block, from 0, and the input."""
+"""An input, with its place among the lines of its block, from 0."""
 _BLOCK_BYTES = 2**14
-"""Bytes of lines that `read_steps` gives together."""
+"""Bytes of lines that `read_steps` yields together."""
 _PROGRESS_LINES = 1_000
-"""Lines between two looks at the clock."""
+"""Lines between two checks of the clock."""
 PROGRESS_SECONDS = 0.5
 """Seconds between two sentences."""
 _OUT_OF_PLACE = "its number was there before: it stands here a second time, or in the wrong place"
@@ -53,25 +53,25 @@ class ReadingProgress:
         self._next = monotonic() + PROGRESS_SECONDS
 
     def report(self, sentence: Callable[[], str]) -> None:
-        """Report the progress if it is time for it; only then is `sentence` called. Call this often."""
+        """Report the progress if it is due; only then is `sentence` called. Call this often."""
         if self._on_progress is not None and monotonic() > self._next:
             self._on_progress(sentence())
             self._next = monotonic() + PROGRESS_SECONDS
 
 
 class NumberGap(Struct, frozen=True):
-    """Missing numbers that have later numbers after them."""
+    """Missing numbers before later numbers."""
 
     what: Literal["input", "record"]
     first: int
     last: int
     before: int
-    """The line that has the next number."""
+    """The line with the next number."""
     damaged: tuple[int, ...]
-    """Unreadable lines in this place. Empty when lines were removed."""
+    """Unreadable lines in this place; empty: lines were removed."""
 
     def __str__(self) -> str:
-        """As a sentence without its end: `line 17 is damaged, and it was input 6`."""
+        """Return a sentence without its end: `line 17 is damaged, and it was input 6`."""
         numbers = f"{self.what} {self.first}"
         if self.last > self.first:
             numbers = f"{self.what}s {self.first} to {self.last}"
@@ -85,7 +85,7 @@ class NumberGap(Struct, frozen=True):
 
 
 class JournalContents(Struct):
-    """The contents of a journal and how far they can be read. The lines themselves stay in the file."""
+    """The contents of a journal, as far as they can be read. The lines themselves stay in the file."""
 
     path: Path
     header: JournalHeader | None = None
@@ -95,15 +95,15 @@ class JournalContents(Struct):
     records: int = 0
     """The number of readable records."""
     last_input: int = 0
-    """The highest input number. Equal to `inputs` when none is missing."""
+    """The highest input number; equal to `inputs` if none is missing."""
     last_seq: int = 0
     """The highest record number."""
     size: int = 0
     """Bytes up to the end of the last valid line."""
     torn: bytes = b""
-    """The bytes after that: an incomplete line, or damaged lines with nothing valid after them."""
+    """The bytes after that: an incomplete line, or damaged lines without a valid one after them."""
     damaged: dict[int, str] = field(default_factory=dict)
-    """Unreadable lines before the last valid one, with what is wrong, by line number."""
+    """Unreadable lines before the last valid one, with the reason, by line number."""
     gaps: list[NumberGap] = field(default_factory=list)
     """Missing inputs and records in the order of the file, without those torn off its end."""
     last_record: AnyRecord | None = None
@@ -118,11 +118,11 @@ class JournalContents(Struct):
         return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
 
     def read_records(self) -> Iterator[AnyRecord]:
-        """Give each readable record in the order of the file. Raises SessionError when the file cannot be read now."""
+        """Yield each readable record in the order of the file. Raises SessionError if the file cannot be read now."""
         return (found for _, _, found in self.lines() if not isinstance(found, JournalHeader | InputLine))
 
     def lines(self) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """Give each readable line: its number, the line without its end, its content. Raises as `read_records`."""
+        """Yield each readable line: its number, the line without its end, its content. Raises as `read_records`."""
         with _open_journal(self.path) as file:
             yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
@@ -132,11 +132,11 @@ class JournalContents(Struct):
         return 1 + (self.header is not None) + self.inputs + self.records
 
     def read_steps(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[list[bytes], list[StepInput]]]:
-        """Give all lines of many steps at a time, with their ends, and where the inputs are in them.
+        """Yield all lines of many steps together, with their ends, and the places of the inputs.
 
-        This is for a caller that knows what the records must be, which are not decoded here. It takes each block by
-        `take_steps`, and may leave the last one. Ends before the last step, and before any line that is not a valid
-        input in its place. `follow` goes on after what was taken.
+        This is for a caller that knows the records, which are not decoded here. It takes each block by `take_steps`,
+        and may leave the last one. Ends before the last step, and before any line that is not a valid input in its
+        place. `follow` continues after the taken blocks.
         """
         progress = ReadingProgress(on_progress)
         with _open_journal(self.path) as file:
@@ -166,7 +166,7 @@ class JournalContents(Struct):
                 return
 
     def take_steps(self, lines: Sequence[bytes], inputs: Sequence[StepInput], records: Sequence[AnyRecord]) -> None:
-        """Take a block of `read_steps`, with the records that are in its lines."""
+        """Count a block of `read_steps`, with the records of its lines, as read."""
         self.size += sum(map(len, lines))
         self.inputs += len(inputs)
         self.last_input += len(inputs)
@@ -177,8 +177,8 @@ class JournalContents(Struct):
         self.input_t, self.ended = last.t, isinstance(last, SessionEnded)
 
     def follow(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """Give the lines of a journal that were not read before. The other fields are filled in on the way, and are
-        complete after the last line. Parameters and errors as in `read_journal`."""
+        """Yield the lines that were not read before. The other fields are updated on the way, and are complete after
+        the last line. Parameters and errors as in `read_journal`."""
         progress = ReadingProgress(on_progress)
         with _open_journal(self.path) as file:
             end = file.seek(0, SEEK_END)
@@ -204,12 +204,12 @@ class JournalContents(Struct):
 
 
 def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:
-    """Read the journal in the file `path` once: what is in it, and what is valid.
+    """Read the journal in the file `path` once, for its contents and faults.
 
     `on_progress` gets a sentence about the progress about twice a second, if this takes long. Returns counts, the
-    damaged, missing or torn parts, and methods to read the lines again; the lines stay in the file. The file is not
-    changed, so the session may still run. Raises SessionError when there is no journal, it cannot be read, nothing in
-    it is valid, or a newer version wrote it.
+    damaged, missing or torn parts, and methods to read the lines again. The file is not changed, so the session may
+    still run. Raises SessionError if there is no journal, it cannot be read, nothing in it is valid, or a newer version
+    wrote it.
 
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.inputs import Note
@@ -234,7 +234,7 @@ def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> Jou
 
 @contextmanager
 def _open_journal(path: Path) -> Iterator[IO[bytes]]:
-    """Open a journal. Raises SessionError when there is none or it cannot be read."""
+    """Open a journal. Raises SessionError if there is none or it cannot be read."""
     try:
         with path.open("rb") as file:
             yield file
@@ -245,12 +245,12 @@ def _open_journal(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> Iterator[tuple[int, bytes, JournalLine]]:
-    """Give the valid lines of a journal before the offset `end`: number, line without its end, content.
+    """Yield the valid lines of a journal before the offset `end`: number, line without its end, content.
 
-    `contents` is updated up to the given line, and notes what is damaged or missing before it.
+    `contents` is updated up to the yielded line, with the damaged and missing lines before it.
     """
     suspect: dict[int, str] = {}
-    """Unreadable lines with nothing valid after them so far."""
+    """Unreadable lines without a valid line after them so far."""
     offset, input_line, record_line = contents.size, 0, 0
     for number, line in enumerate(file, contents.next_line):
         offset += len(line)

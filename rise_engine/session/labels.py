@@ -1,7 +1,7 @@
-"""A session's labels: who took part, in which condition, with what. The first record of its journal has them.
+"""A session's labels: its participant, condition, scenario and settings. The first record of its journal has them.
 
-`session.toml` and a study's `study.jsonl` repeat them. Readers of a session compare these with the record
-(`label_differences`). A difference is an error, so that nobody can relabel a session.
+`session.toml` and a study's `study.jsonl` repeat them. Readers compare these with the record (`label_differences`). A
+difference is an error, so that a session cannot be relabelled.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _LABELS = (
 )
 """The labels among the fields of a session's record."""
 _CALLED = {"scenario": "title", "injected_faults": "faults"}
-"""Other names of labels in other files."""
+"""The names of labels in other files, where they differ."""
 
 
 class RelabelledError(SessionError):
-    """A file says something else about a session than its journal; the text names both, and what to do."""
+    """A file contradicts a session's journal. The text names both values and the remedy."""
 
 
 def read_labels(journal: Path) -> dict[str, Any] | None:
@@ -57,7 +57,7 @@ def read_labels(journal: Path) -> dict[str, Any] | None:
 
 
 def moment_of_zero(wall: str, t: float, speed: float) -> str:
-    """Return the date and time of day of session time 0, ISO 8601 with milliseconds. Empty: not known.
+    """Return the date and time of day of session time 0, ISO 8601 with milliseconds; empty: unknown.
 
     The engine reads the clock a little later, and this delay is subtracted.
 
@@ -77,7 +77,7 @@ def downtime_by_clock(before: Record, after: Record, speed: float) -> float | No
     :param before: the last record of one engine.
     :param after: the first record of the next one.
     :param speed: session seconds in a second of the wall clock.
-    :return: None where there are no dates.
+    :return: None: there are no dates.
     """
     try:
         passed = datetime.fromisoformat(after.wall) - datetime.fromisoformat(before.wall)
@@ -87,13 +87,13 @@ def downtime_by_clock(before: Record, after: Record, speed: float) -> float | No
 
 
 CLOCK_TOLERANCE = 2.0
-"""Seconds by which two times of day of one moment differ at most."""
+"""Maximum difference in seconds of two times of day of one moment."""
 
 
 def moment_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> Iterator[str]:
-    """Say whether another file gives another moment for the beginning (`started`); a difference of seconds is none.
+    """Report if another file has a different time of the start (`started`). Some seconds are no difference.
 
-    It was taken after session time 0 and before the first record, whose `t` says how long that took.
+    `started` was taken after session time 0 and before the first record, whose `t` is the delay.
 
     :param labels: from `read_labels`.
     :param told: the other file's values.
@@ -113,10 +113,10 @@ def moment_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any]
 
 
 def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:
-    """List where another file differs from a session's journal, in sentences that name both values.
+    """List the differences of another file from a session's journal, in sentences with both values.
 
-    :param labels: from `read_labels`; labels that an older journal lacks are not compared.
-    :param told: the other file's values; labels that it lacks are not compared.
+    :param labels: from `read_labels`; labels missing in an older journal are not compared.
+    :param told: the other file's values; missing labels are not compared.
     :param file: the other file's name.
 
     >>> label_differences({"condition": "calm", "slot": None}, {"condition": "lively", "slot": 0}, "session.toml")
@@ -130,7 +130,7 @@ def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any],
 
 
 def _is_same_language(name: str, recorded: Any, told: Any) -> bool:
-    """Whether both are one language: people may write its tag in capitals."""
+    """Whether both are the same language tag, apart from capital letters."""
     return name == "language" and str(recorded).lower() == str(told).lower()
 
 
@@ -143,13 +143,13 @@ def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dic
     if labels is None:
         return {}
     by_name = {_CALLED.get(label, label): label for label in _LABELS if label in labels}
-    if not (labels.get("language") and told.get("language")):  # session.toml has none where nobody asked for one
+    if not (labels.get("language") and told.get("language")):  # without a requested language, session.toml has none
         by_name.pop("language", None)
     return {name: labels[label] for name, label in by_name.items() if name in told}
 
 
 def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
-    """Refuse to read a session when two files disagree about it.
+    """Refuse to read a session if two files contradict each other.
 
     :param folder: the session's folder.
     :param differences: from `label_differences`.
@@ -163,7 +163,7 @@ def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as a journal has it."""
+    """Return a value as it is in a journal."""
     if isinstance(value, str):
         return escape_surrogates(value)
     return list(value) if isinstance(value, tuple) else value
@@ -180,7 +180,7 @@ _PSEUDONYM = re.compile(r"[A-Za-z0-9]+")
 
 
 def pseudonym_problem(participant: str) -> str:
-    """Return why a real session cannot be recorded under this name, or an empty text. An empty name is allowed.
+    """Return why a real session cannot have this name; empty: it can. An empty name is allowed.
 
     >>> pseudonym_problem("P07")
     ''

@@ -1,9 +1,9 @@
-"""The lock that gives a session to one engine, and the note that names this engine.
+"""The lock that gives a session to one engine, and the note about that engine.
 
-The lock is the operating system's (flock) and belongs to the journal's file. It goes when the process that holds it
-ends, however that happens. A copy of the folder is not locked. The note, `engine.json`, locks nothing: it says who
-holds the lock and where the session is reached, so that other programs can report this or attach. Some file systems do
-not show this computer the locks of another computer. There, the note names the last computer, and a person decides.
+The lock is the operating system's (flock) on the journal's file. It ends with the process that holds it. A copy of the
+folder is not locked. The note, `engine.json`, locks nothing: it names the holder of the lock and its socket, so that
+other programs can report them or attach. Some file systems hide the locks of other computers. There, the note names the
+last computer, and a person decides.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ from rise_engine.base.files import error_message, has_no_locks, is_locked, take_
 
 HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
-"""How often the lock is tried. Programs that ask whether a session runs, or that begin one, hold it for a moment."""
+"""Number and interval of attempts. Programs that test for a running session, or begin one, hold the lock for a
+moment."""
 RUNS = 20
-"""After so many tries with an exclusive lock, the holder must be an engine."""
+"""Number of attempts with an exclusive lock after which the holder must be an engine."""
 ONE_MACHINE = frozenset(
     {
         *("bcachefs", "btrfs", "ext2", "ext3", "ext4", "f2fs", "jfs", "reiserfs", "xfs", "zfs"),
@@ -39,15 +40,15 @@ ONE_MACHINE = frozenset(
         *("exfat", "fuseblk", "hfs", "hfsplus", "msdos", "ntfs", "ntfs3", "udf", "vfat"),
     }
 )
-"""File systems on which every program that can open a file sees its locks. For all others, this is not known."""
+"""File systems that show its locks to every program that can open a file. Others may not."""
 MANDATORY = frozenset({"cifs", "smb3", "smbfs"})
-"""File systems on which a lock stops this very process from writing through another descriptor. No lock there."""
+"""File systems without locks here, because a lock would stop this process from writing through another descriptor."""
 
 _held_locks: WeakSet[JournalLock] = WeakSet()
 
 
 class LockHolder(Struct, frozen=True):
-    """The engine that has a session, or had it last, as written in `engine.json`."""
+    """The present or last engine of a session, as in `engine.json`."""
 
     pid: int
     host: str
@@ -55,7 +56,7 @@ class LockHolder(Struct, frozen=True):
     since: str
     """ISO 8601 with offset."""
     socket: str = ""
-    """The absolute path at which the session is reached. Empty while the engine is starting."""
+    """The absolute path of the session's socket; empty: the engine is starting."""
 
     @property
     def is_this_computer(self) -> bool:
@@ -71,7 +72,7 @@ class LockHolder(Struct, frozen=True):
 
 
 class JournalLockedError(SessionError):
-    """An engine runs the session; the text says which, and how to attach to it and end it."""
+    """An engine runs the session. The text names it, and how to attach to it and end it."""
 
     def __init__(self, folder: Path, holder: LockHolder | None) -> None:
         super().__init__(running_message(folder, holder))
@@ -79,15 +80,15 @@ class JournalLockedError(SessionError):
 
 
 class JournalLock:
-    """The right to write a journal, held until `release` or the end of this process."""
+    """The right to write a journal, until `release` or the end of this process."""
 
     def __init__(self, journal: Path, *, here: bool = False) -> None:
-        """Take the lock without waiting. Call this before you read the journal.
+        """Take the lock without waiting. Call this before reading the journal.
 
-        `here`: a person has confirmed that the computer which had the session last no longer runs it.
+        `here`: a person has confirmed that the last computer of the session no longer runs it.
 
-        Raises JournalLockedError when an engine runs the session. Raises SessionError when an engine on another
-        computer may run it, and when the journal is missing or cannot be written.
+        Raises JournalLockedError if an engine runs the session. Raises SessionError if an engine on another computer
+        may run it, or the journal is missing or cannot be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
         self._descriptor, locked = _acquire(journal)
@@ -100,18 +101,18 @@ class JournalLock:
         self.write_holder()
 
     def write_holder(self, socket: str = "") -> None:
-        """Write the note: who has the journal, and where the session is reached."""
+        """Write the note about the holder and the session's socket."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
-        with suppress(OSError):  # with a full disk, for example, the lock still works
+        with suppress(OSError):  # the lock works without it, for example with a full disk
             write_whole(self._note, msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
 
     @contextmanager
     def move_to(self, path: Path) -> Iterator[None]:
-        """Within a `with` statement, let the file `path` replace the journal.
+        """Let the file `path` replace the journal within a `with` statement.
 
-        `path` is locked before others know of it. The old journal is unlocked at the end, unless the body fails with
-        OSError. Raises OSError.
+        `path` is locked first. The old journal is unlocked at the end, unless the body fails with OSError. Raises
+        OSError.
         """
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         if file_system(path) not in MANDATORY:
@@ -126,10 +127,10 @@ class JournalLock:
         os.close(before)
 
     def release(self) -> None:
-        """Unlock the journal, so that nobody has the session. A second call does nothing."""
+        """Unlock the journal. A second call has no effect."""
         if self._descriptor >= 0:
             with suppress(OSError):
-                self._note.unlink()  # nobody else writes a note while the lock is held
+                self._note.unlink()  # only the holder of the lock writes a note
             self._close()
 
     def _close(self) -> None:
@@ -139,7 +140,7 @@ class JournalLock:
 
 
 def _close_in_child() -> None:
-    """Close the locks in a forked process, which could otherwise outlive this one and still hold them."""
+    """Close the locks in a forked process, which could outlive this one and keep them."""
     for lock in tuple(_held_locks):
         lock._close()
 
@@ -148,7 +149,7 @@ os.register_at_fork(after_in_child=_close_in_child)
 
 
 def read_holder(folder: Path) -> LockHolder | None:
-    """Read who has a session, or who had it when an engine or computer failed. None: there is no readable note."""
+    """Read the present or last holder of a session; None: there is no readable note."""
     try:
         return msgspec.json.decode((folder / HOLDER_FILE).read_bytes(), type=LockHolder)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
@@ -156,8 +157,8 @@ def read_holder(folder: Path) -> LockHolder | None:
 
 
 def forget_holder(folder: Path) -> None:
-    """Remove the note of an engine that is gone, because it names a user and a computer. It stays while somebody has
-    the session, and where it is the only sign of who may have it."""
+    """Remove the note of an engine that is gone, because it names a user and a computer. It stays while the session
+    runs, and where it is the only sign of a holder."""
     holder = read_holder(folder)
     if holder is not None and holder.is_this_computer and not is_locked(folder / "journal.jsonl"):
         with suppress(OSError):
@@ -165,7 +166,7 @@ def forget_holder(folder: Path) -> None:
 
 
 def running_message(folder: Path, holder: LockHolder | None) -> str:
-    """Say that a session runs and where, and how to attach to it and end it."""
+    """Describe a running session: its place, and how to attach to it and end it."""
     if holder is None:
         return f"the session {folder.name} is running: another program has locked its journal"
     sentence = f"the session {folder.name} is running: {holder}"
@@ -179,13 +180,13 @@ def running_message(folder: Path, holder: LockHolder | None) -> str:
 
 @contextmanager
 def one_at_a_time(folder: Path, busy: str = "", seconds: float = TRIES * TRY_SECONDS) -> Iterator[None]:
-    """Let programs take turns in a folder: engines that begin a session, so that each one sees which sessions the
-    others run, and programs that change a list.
+    """Let programs take turns in a folder: engines that begin a session, so that each one sees the others' sessions,
+    and programs that change a list.
 
-    Hold this only to look and to lock, or to write what takes milliseconds.
+    Hold this only for milliseconds.
 
-    :param busy: says that another program has the folder. Empty: an engine that begins a session.
-    :param seconds: how long to wait for it.
+    :param busy: the message that another program has the folder; empty: for engines that begin a session.
+    :param seconds: maximum wait.
     :raises SessionError: another program has it all that time.
     """
     try:
@@ -194,7 +195,7 @@ def one_at_a_time(folder: Path, busy: str = "", seconds: float = TRIES * TRY_SEC
         yield
         return
     try:
-        with suppress(OSError):  # folders on NFS cannot be locked: the last program that writes wins
+        with suppress(OSError):  # folders on NFS cannot be locked: the last writer wins
             if not wait_until(lambda: take_lock(descriptor), seconds, TRY_SECONDS):
                 raise SessionError(busy or f"another engine is just beginning a session in {folder}; try again")
         yield
@@ -203,7 +204,7 @@ def one_at_a_time(folder: Path, busy: str = "", seconds: float = TRIES * TRY_SEC
 
 
 def file_system(path: Path, mounts: str | None = None) -> str:
-    """Read the type of the file system of `path`, as Linux names it. Empty: not known.
+    """Read the type of the file system of `path`, as Linux names it; empty: unknown.
 
     `mounts`: text in the format of /proc/self/mountinfo (proc_pid_mountinfo(5)). Default: this file.
     """
@@ -220,7 +221,7 @@ def file_system(path: Path, mounts: str | None = None) -> str:
             continue
         mount_point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
         inside = real == mount_point or real.startswith(mount_point.rstrip("/") + "/")
-        if inside and len(mount_point) >= len(found):  # the last mount at a mount point hides the earlier ones
+        if inside and len(mount_point) >= len(found):  # the last mount at a mount point hides earlier ones
             found, kind = mount_point, rest.split()[0]
     return kind
 
@@ -234,7 +235,7 @@ def user_name() -> str:
 
 
 def _acquire(journal: Path) -> tuple[int, bool]:
-    """Open and lock the journal. Returns the descriptor, and False where the file system has no locks."""
+    """Open and lock the journal. Returns the descriptor, and False if the file system has no locks."""
     alone = 0
     for _ in range(TRIES):
         try:

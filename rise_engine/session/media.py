@@ -1,4 +1,4 @@
-"""`media.json` in a session's folder: its recordings, and how their time relates to the session's.
+"""`media.json` in a session's folder: its recordings, with the relation of their time to the session's.
 
 media time = offset + rate * session time          (both in seconds)
 """
@@ -19,12 +19,12 @@ from rise_engine.ports.recorder import MediaKind
 from rise_engine.session.lock import one_at_a_time
 
 WAIT_SECONDS = 10.0
-"""How long to wait for another program that is writing the list, which takes milliseconds."""
+"""Maximum wait in seconds for another program that writes the list, which takes milliseconds."""
 _Item = TypeVar("_Item")
 
 
 def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
-    """Read a list in its order. Empty when there is no such file.
+    """Read a list in its order; empty: there is no such file.
 
     :param path: the file.
     :param item: the type of its items.
@@ -41,21 +41,21 @@ def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
 
 
 def list_bytes(items: Sequence[object]) -> bytes:
-    """Encode a list as it is written in its file."""
+    """Encode a list as in its file."""
     return msgspec.json.format(msgspec.json.encode(items), indent=1) + b"\n"
 
 
 def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], list[_Item]]) -> list[_Item]:
-    """Replace a list by the result of `change`, in one step. Returns the items that are not in it any more.
+    """Replace a list by the result of `change`, in one step. Returns the removed items.
 
     :param path: the file.
     :param item: the type of its items.
     :param change: gets the current list.
-    :raises SessionError: it cannot be read or written. Nothing is changed then.
+    :raises SessionError: it cannot be read or written, and is unchanged.
     """
     busy = f"{path} is held by another program: try again"
     try:
-        with one_at_a_time(path.parent, busy, WAIT_SECONDS):  # locks the folder, so that no file is left behind
+        with one_at_a_time(path.parent, busy, WAIT_SECONDS):  # locks the folder, so that no lock file is left behind
             before = list(read_list(path, item))
             after = change(before)
             write_whole(path, list_bytes(after))
@@ -68,7 +68,7 @@ def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], l
 
 
 def with_item(items: list[_Item], new: _Item, key: str) -> list[_Item]:
-    """Return a list with a new item, in the place of the first one with the same value of an attribute, or at the end.
+    """Return a list with a new item, in the place of the first one with an equal attribute, or at the end.
 
     :param key: the attribute's name.
     """
@@ -80,37 +80,37 @@ def with_item(items: list[_Item], new: _Item, key: str) -> list[_Item]:
 
 MEDIA_FILE = "media.json"
 AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
-"""How a file was aligned. marks: by marks found in it; given: by a person; start: by the start of its recorder, which
-is not the time of the first frame; empty: not at all."""
+"""How a file was aligned. marks: by marks in it; given: by a person; start: by the start of its recorder, which is not
+the time of the first frame; empty: not at all."""
 
 
 class FoundMark(Struct, frozen=True):
-    """A mark of the session (`SyncRecord`) that was found in a file, or a moment that a person gave."""
+    """A mark of the session (`SyncRecord`) in a file, or a moment given by a person."""
 
     number: int
-    """The mark's number. 0: a moment that a person gave."""
+    """The mark's number; 0: a given moment."""
     session_at: float
     media_at: float
     strength: float
-    """The ratio by which it exceeds all else in the file. Below 3, it is not trusted. 0: a person gave it."""
+    """Its ratio to all else in the file. Below 3, it is not trusted. 0: a given moment."""
 
 
 class MediaFile(Struct, frozen=True, kw_only=True):
     """One file, or the folder of one bag."""
 
     path: str
-    """Relative to the session's folder if it is inside, else absolute."""
+    """Relative to the session's folder if it is inside, otherwise absolute."""
     kind: MediaKind
     name: str = ""
-    """The recorder that made it. Empty: a person added it."""
+    """Its recorder; empty: a person added it."""
     bytes: int | None = None
     sha256: str = ""
     fingerprint: str = ""
-    """From `rise_engine.base.files.fingerprint`, when its recorder had ended or the file was added."""
+    """From `rise_engine.base.files.fingerprint`, taken when its recorder ended or the file was added."""
     duration: float | None = None
     """Seconds."""
     offset: float | None = None
-    """Media time at session time 0, negative if the recording began after the session. None: not known."""
+    """Media time at session time 0; negative if the recording began after the session; None: unknown."""
     rate: float = 1.0
     """Seconds of the file per second of the session."""
     aligned_by: AlignedBy = ""
@@ -118,18 +118,18 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     added: str = ""
     """ISO 8601 with offset."""
     fps: float | None = None
-    """Frames per second; None: not known, or no video."""
+    """Frames per second; None: unknown, or no video."""
     within: float | None = None
-    """The largest error between the marks in seconds, as far as the marks' own times are known. None: not known."""
+    """Maximum error in seconds between the marks, as far as their times are known; None: unknown."""
 
     @property
     def drift_ppm(self) -> float:
-        """How much faster the file's clock runs, in parts per million."""
+        """The relative speed of the file's clock, in parts per million."""
         return (self.rate - 1.0) * 1e6
 
     @property
     def drift_within_ppm(self) -> float | None:
-        """The largest error of the drift in parts per million. None: not known, or the drift was not measured."""
+        """The maximum error of the drift in parts per million; None: unknown, or the drift was not measured."""
         if len(self.marks) < 2 or self.within is None:
             return None
         return 2e6 * self.within / abs(self.marks[-1].session_at - self.marks[0].session_at)
@@ -142,7 +142,7 @@ class MediaFile(Struct, frozen=True, kw_only=True):
 
 
 def read_media(folder: Path) -> tuple[MediaFile, ...]:
-    """Read a session's media.json in its order. Empty when there is none.
+    """Read a session's media.json in its order; empty: there is none.
 
     :param folder: the session's folder.
     :raises SessionError: it cannot be read.
@@ -156,7 +156,7 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
     :param folder: the session's folder.
     :param file: the entry; a path within the folder is made relative to it.
     :return: the replaced entry.
-    :raises SessionError: the list cannot be read or written. Nothing is changed then.
+    :raises SessionError: the list cannot be read or written, and is unchanged.
     """
     file = msgspec.structs.replace(file, path=stored_path(folder, file.path))
     replaced = change_list(folder / MEDIA_FILE, MediaFile, lambda files: with_item(files, file, "path"))
@@ -169,7 +169,7 @@ def remove_media(folder: Path, named: str) -> MediaFile:
     :param folder: the session's folder.
     :param named: its path, also as in the list, or its name if no other file has that name.
     :return: the removed entry.
-    :raises SessionError: no file or several files match, or the list cannot be written. Nothing is changed then.
+    :raises SessionError: no file or several files match, or the list cannot be written. It is unchanged.
     """
 
     def take_out(files: list[MediaFile]) -> list[MediaFile]:
@@ -198,7 +198,7 @@ def media_path(folder: Path, file: MediaFile) -> Path:
 
 
 def stored_path(folder: Path, path: str) -> str:
-    """Return a path as media.json has it: relative if it is in the session's folder, else absolute."""
+    """Return a path as in media.json: relative if it is in the session's folder, otherwise absolute."""
     absolute = Path(os.path.normpath(Path(os.path.expanduser(path)).absolute()))  # noqa: PTH111  # no RuntimeError
     root = Path(os.path.normpath(folder.absolute()))
     if Path(path).is_absolute() or absolute.exists() or not (root / path).exists():

@@ -1,8 +1,8 @@
-"""Recovery: restores an unfinished session from the inputs in its journal, as it was when its engine stopped.
+"""Recovery: restores an unfinished session from its journal's inputs, to the state in which its engine stopped.
 
-The folder changes only after everything is computed and checked. What is cut off or rewritten is kept beside the
-journal (`journal.torn-1`, `journal.damaged-1.jsonl`, ...), so nothing is lost. The journal is locked before it is read,
-so that no engine runs the session meanwhile.
+The folder changes only after all computations and checks. Removed and rewritten parts stay beside the journal
+(`journal.torn-1`, `journal.damaged-1.jsonl`, ...), so nothing is lost. The journal is locked before it is read, so that
+no engine runs the session meanwhile.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_engine.session.scenario_copies import load_session_scenario
 
 CLOCK = "clock"
 _LATEST = 1e9
-"""Seconds (about 30 years). A clock file with a larger value is damaged."""
+"""Maximum seconds in a clock file (about 30 years). A larger value is damaged."""
 
 
 class RecoveredSession(Struct):
@@ -38,7 +38,7 @@ class RecoveredSession(Struct):
     kernel: Kernel
     view: SessionView
     t: float
-    """Session time to continue from. Nothing is known to have happened later."""
+    """Session time to continue from: the last known one."""
     timers: dict[int, float]
     """The kernel's timers, with the session times at which they are due."""
     inputs: int
@@ -46,11 +46,11 @@ class RecoveredSession(Struct):
     size: int
     """The journal's size in bytes, all valid."""
     unwritten_lines: bytes
-    """Records of the last input that the journal lacks. Append them first."""
+    """Records of the last input that are missing in the journal. Append them first."""
     report: list[str]
-    """What was found and done, in sentences for a person."""
+    """Findings and repairs, in sentences for a person."""
     last_wall: str = ""
-    """The wall-clock label of the last known record. Empty: there is none."""
+    """The wall-clock label of the last known record; empty: none."""
     last_t: float = 0.0
     """That record's session time."""
 
@@ -64,18 +64,18 @@ def recover(
 ) -> RecoveredSession:
     """Restore the unfinished session in `folder` to its last state, and repair its journal.
 
-    `disk`: does the writing, for tests that let it fail. `lock`: the journal's lock, for a caller that continues the
-    session; without it, the journal is locked during the call only. `on_progress` gets a sentence on the progress about
-    twice a second, if recovery takes long. Returns the kernel and the view after the last input, the session time in
-    seconds, the timers that still run, and a report in sentences. Raises SessionError when the session runs
-    (JournalLockedError), has ended or cannot be recovered. The journal is unchanged then.
+    `disk`: writes; tests replace it. `lock`: the journal's lock, for a caller that continues the session; without it,
+    the journal is locked during the call only. `on_progress` gets a sentence on the progress about twice a second, if
+    recovery takes long. Returns the kernel and the view after the last input, the session time in seconds, the timers
+    that still run, and a report in sentences. Raises SessionError if the session runs (JournalLockedError), has ended
+    or cannot be recovered. The journal is then unchanged.
 
         recovered = recover(find_session("2026-11-21_141503_lablinking_debug"))
         print(*recovered.report, sep="\\n")
     """
     if lock is not None:
         return _recover(folder, disk or Disk(), lock, on_progress)
-    read_info(folder)  # fails if this is not a session
+    read_info(folder)  # raises if this is not a session
     lock = JournalLock(folder / JOURNAL)
     try:
         return _recover(folder, disk or Disk(), lock, on_progress)
@@ -149,7 +149,7 @@ def _repair_journal(
 ) -> int:
     """Repair a torn or damaged journal, and return its new size. Raises OSError.
 
-    `replay`: the finished replay, which shows what is missing. `fresh_replay`: a new one, which makes it again.
+    `replay`: the finished replay, which shows the missing lines. `fresh_replay`: a new one, which makes them again.
     """
     path = contents.path
     if contents.torn:
@@ -186,7 +186,7 @@ def _repair_journal(
 def _intact_lines(
     contents: JournalContents, replay: Replay, fresh_replay: Replay, info: SessionInfo
 ) -> Iterator[bytes]:
-    """Give the lines of the repaired journal: valid lines unchanged, the others made again."""
+    """Yield the lines of the repaired journal: valid lines unchanged, the others made again."""
     if contents.header is None:
         program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
         yield encode_header(program)
@@ -225,7 +225,7 @@ def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> 
 
 
 def read_clock(folder: Path) -> float:
-    """Read the session time that the engine last noted. 0 when it cannot be read."""
+    """Read the session time that the engine last noted; 0 if it cannot be read."""
     try:
         noted = float((folder / CLOCK).read_bytes())
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Replay: a fresh kernel gets the recorded inputs again and must give the same records.
+"""Replay: a fresh kernel gets the recorded inputs and must give the same records.
 
 `rise-engine replay` shows the result of `compare_replay`. Recovery also uses `Replay`.
 """
@@ -28,7 +28,7 @@ from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import load_session_scenario, offer_changed
 
 NO_RECORD = "(no record)"
-"""Replaces the field when a whole record exists on one side only."""
+"""Stands for the field if a whole record exists on one side only."""
 
 
 CANNOT_REPLAY = (
@@ -45,7 +45,7 @@ class ReplayDifference(Struct, frozen=True):
     """The record's line."""
     seq: int
     input: int
-    """The number of the input that caused the record, as far as it is known."""
+    """The number of the input that caused the record, as far as known."""
     kind: str
     field: str
     recorded: Any
@@ -71,13 +71,13 @@ class ReplayComparison(Struct, frozen=True):
     """Session time of the last input or record."""
     difference: ReplayDifference | None = None
     damaged: dict[int, str] = {}
-    """Lines that cannot be read and were not compared, with the reason."""
+    """Unreadable lines, which were not compared, with the reason."""
     missing: int = 0
-    """Records that the replay gives and the journal lacks, without those torn off its end."""
+    """The number of replayed records missing in the journal, without those torn off its end."""
     notes: list[str] = []
     """Further remarks: an unfinished session, a torn end, another scenario."""
     other_scenario: str = ""
-    """A sentence on the scenario that was used. Empty: it was the session's own copy."""
+    """A sentence about the scenario that was used; empty: the session's own copy."""
 
     @property
     def identical(self) -> bool:
@@ -85,7 +85,7 @@ class ReplayComparison(Struct, frozen=True):
 
     @property
     def why(self) -> str:
-        """The differences in words. Empty when there are none."""
+        """The differences in words; empty: none."""
         if self.difference is not None:
             return str(self.difference)
         found = [f"line {line} cannot be read ({reason})" for line, reason in self.damaged.items()]
@@ -96,10 +96,9 @@ class ReplayComparison(Struct, frozen=True):
 def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparison:
     """Replay the inputs of the session in `folder` and compare the records with the recorded ones, byte for byte.
 
-    `scenario`: a scenario folder to use instead of the session's own copy. Returns how much was compared and the first
-    difference, if there is one; `identical` is true when there is none. The folder is not changed, and the session may
-    still run. Raises SessionError when the session cannot be replayed: there is no session, an input is lost, or the
-    scenario does not load.
+    `scenario`: a scenario folder to use instead of the session's own copy. Returns how much was compared, and the first
+    difference, if any. The folder is not changed, and the session may still run. Raises SessionError if the session
+    cannot be replayed: there is no session, an input is lost, or the scenario does not load.
 
         comparison = compare_replay(find_session("2026-11-21_141503_lablinking_debug"))
         print("identical" if comparison.identical else comparison.difference)
@@ -138,14 +137,14 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
 
 
 def require_inputs(contents: JournalContents) -> None:
-    """Raise SessionError when an input in the middle of the journal is missing."""
+    """Raise SessionError if an input in the middle of the journal is missing."""
     lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
     if lost is not None:
         raise SessionError(f"{contents.path}: {lost}. {CANNOT_REPLAY}")
 
 
 class RecordedLine(Struct, frozen=True):
-    """A record as written in the journal."""
+    """A record in the journal."""
 
     line: int
     """The line number."""
@@ -163,7 +162,7 @@ class ReplayedStep(Struct, frozen=True):
     records: list[AnyRecord]
     """The step's records, with the recorded `wall` if there is one."""
     written: list[bytes | None]
-    """The recorded line of each record, with its end. None: the journal does not have it."""
+    """The recorded line of each record, with its end; None: missing in the journal."""
 
 
 class Replay:
@@ -179,35 +178,35 @@ class Replay:
         self.contents = JournalContents(path)
         """The contents of the journal, complete after the last step."""
         self._ahead: deque[list[AnyRecord] | SessionError] = deque()
-        """What the next inputs gave, which were replayed already."""
+        """The results of the next inputs, which were replayed already."""
         self.inputs = 0
         """The number of replayed inputs."""
         self.compared = 0
-        """The number of records that were the same, before the difference if there is one."""
+        """The number of equal records, before the difference if there is one."""
         self.difference: ReplayDifference | None = None
         self.missing = 0
-        """The number of records that the journal lacks although it has later lines."""
+        """The number of records missing in the journal before later lines."""
         self.unwritten: list[AnyRecord] = []
         """Records of the last input that were torn off or never written."""
         self.timers: dict[int, float] = {}
-        """The timers that are set, with the session times at which they are due."""
+        """The running timers, with the session times at which they are due."""
 
     def steps(self) -> Iterator[ReplayedStep]:
-        """Replay each step and compare its records by number. Raises SessionError, also when an input is missing."""
+        """Replay each step and compare its records by number. Raises SessionError, also if an input is missing."""
         yield from self._exact_steps()
         contents = self.contents
         tape = _JournalTape(contents, self._on_progress)
         wall, line = contents.last_record.wall if contents.last_record is not None else "", 0
         while self.difference is None and (found := tape.next_input()) is not None:
             line, text, input = found
-            self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
+            self.missing += len(self.unwritten)  # a later input exists, so these are not a torn end
             self.unwritten = []
             result = self._ahead.popleft() if self._ahead else self._handle(line, input)
             if isinstance(result, SessionError):
                 raise result
             self.inputs += 1
             written = [tape.record(record.seq) for record in result]
-            # A missing record gets the `wall` of the same step, or else of the step before.
+            # A missing record gets the `wall` of the same step, or of the step before.
             wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
             for record, recorded in zip(result, written, strict=True):
                 record.wall = wall if recorded is None else recorded.record.wall
@@ -229,8 +228,8 @@ class Replay:
             self.difference = _first_beyond(contents, tape, line)
 
     def _exact_steps(self) -> Iterator[ReplayedStep]:
-        """Replay and compare many steps at a time without decoding their records, up to the first block of lines that
-        is not exactly what the replay writes. For a million records, this saves a third of the time."""
+        """Replay and compare many steps together without decoding their records, up to the first block of lines that
+        differs from the replay. For a million records, this saves a third of the time."""
         contents = self.contents
         for lines, inputs in contents.read_steps(self._on_progress):
             first = contents.next_line
@@ -246,7 +245,7 @@ class Replay:
                 assert not isinstance(records, SessionError)
                 wall = _read_wall(lines[at + 1]) if at + 1 < len(lines) else ""
                 for record in records:
-                    record.wall = wall  # all records of a step are of one moment
+                    record.wall = wall  # all records of a step have one time
                 written = [with_checksum(encode_record(record)) for record in records]
                 expected += (lines[at], *written)
                 replayed += records
@@ -267,7 +266,7 @@ class Replay:
         offer_changed(self._kernel, self._folder, input.input)
         try:
             records, commands = self._kernel.handle(input.input)
-        except Exception as error:  # any failure: the owner of this journal must learn what to do with it
+        except Exception as error:  # any failure: the owner of this journal must learn the remedy
             raise SessionError(
                 f"{self.contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
                 f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
@@ -283,8 +282,8 @@ class Replay:
 class _JournalTape:
     """The inputs in order and the records by ascending number, from one pass through the journal.
 
-    A record usually follows its input. If lines were moved, the tape reads on to the wanted line and keeps the lines
-    between.
+    A record usually follows its input. If lines were moved, the tape reads on to the wanted line and keeps those
+    before.
     """
 
     def __init__(self, contents: JournalContents, on_progress: ProgressCallback | None) -> None:
@@ -294,14 +293,14 @@ class _JournalTape:
         self._records: deque[RecordedLine] = deque()
 
     def next_input(self) -> tuple[int, bytes, InputLine] | None:
-        """Return the next input with its line number and line. Raises SessionError when an earlier input is missing."""
+        """Return the next input with its line number and line. Raises SessionError if an earlier input is missing."""
         while not self._inputs:
             if not self._read():
                 return None
         return self._inputs.popleft()
 
     def record(self, seq: int) -> RecordedLine | None:
-        """Take the record `seq`, if the journal has it. Ask for all records in ascending order."""
+        """Take the record `seq`, if the journal has it. Request records in ascending order."""
         found = self.peek_record()
         return self._records.popleft() if found is not None and found.record.seq == seq else None
 
@@ -337,7 +336,7 @@ def _first_difference(
     before = encode_record(written.record)  # not the line: another release may have written the same record differently
     if before == after:
         return None
-    old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # null on both sides for what JSON cannot hold
+    old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # null on both sides for values outside of JSON
     for name in dict.fromkeys([*old, *new]):
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
             return ReplayDifference(
@@ -347,9 +346,9 @@ def _first_difference(
 
 
 def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> ReplayDifference:
-    """Return the first recorded record that the replay does not give. `since`: the line of the last input.
+    """Return the first recorded record without a replayed one. `since`: the line of the last input.
 
-    Raises SessionError when a damaged line may be the missing input: no later number can show whether it is.
+    Raises SessionError if a damaged line may be the missing input, because no later number excludes it.
     """
     written = tape.peek_record()
     assert written is not None

@@ -1,4 +1,4 @@
-"""The scenario files that a session ran: those at its start, and those that it took over while it ran.
+"""The scenario files of a session: those at its start, and those that it took over.
 
 scenario/      at the start
 scenario.2/    from the first `scenario_changed` in its journal on, and so forth
@@ -24,7 +24,7 @@ from rise_engine.session.folder import SCENARIO_COPY, SessionInfo, load_scenario
 
 
 def copy_folders(folder: Path) -> list[Path]:
-    """Return the session's folders with scenario files, in the order in which they were used."""
+    """Return the session's folders with scenario files, in the order of their use."""
     later = (path for path in folder.glob(f"{SCENARIO_COPY}.*") if path.suffix[1:].isdigit() and path.is_dir())
     return [folder / SCENARIO_COPY, *sorted(later, key=lambda path: int(path.suffix[1:]))]
 
@@ -50,13 +50,13 @@ def write_copy(folder: Path, files: Mapping[str, bytes]) -> Path:
 
 
 def remove_copy(copy: Path) -> None:
-    """Remove a copy that the session did not take over in the end."""
+    """Remove a copy that the session did not take over."""
     with suppress(OSError):
         shutil.rmtree(copy)
 
 
 def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
-    """Load the session's copy of the scenario, or the scenario's own folder if it is still the same."""
+    """Load the session's copy of the scenario, or the scenario's own folder if it is unchanged."""
     try:
         return load_scenario_copy(folder, info)
     except SessionError as error:
@@ -98,7 +98,7 @@ def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) ->
 
 
 def offer_changed(kernel: Kernel, folder: Path, input: AnyInput) -> None:
-    """Give a replaying kernel the scenario that its next input takes over, if it takes one over.
+    """Give a replaying kernel the scenario that its next input takes over, if any.
 
     :raises SessionError: this scenario cannot be loaded, or it followed a scenario other than the kernel's.
     """
@@ -109,7 +109,7 @@ def offer_changed(kernel: Kernel, folder: Path, input: AnyInput) -> None:
 
 
 def load_copy_with_hash(folder: Path, info: SessionInfo, hash: str) -> Scenario:
-    """Load the scenario with this hash among those that the session ran. Raises SessionError."""
+    """Load the scenario with this hash among those of the session. Raises SessionError."""
     first = load_scenario_copy(folder, info)
     if first.hash == hash:
         return first

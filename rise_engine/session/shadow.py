@@ -1,7 +1,7 @@
-"""`shadow/N.jsonl` in a session's folder: what another wizard would have done in reply to the session's cues.
+"""`shadow/N.jsonl` in a session's folder: another wizard's decisions on the session's cues.
 
 Each sitting has one file, with one JSON object a line (docs/reference/shadow.md). Nothing is overwritten: resuming
-appends, and starting again gets the next number. Times are session seconds.
+appends, and a new start gets the next number. Times are session seconds.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
 _MOST = 10_000
 _TYPED = frozenset({"say", "assignValue", "markCue"})
-"""Tasks whose behaviour a person may have typed."""
+"""Tasks whose behaviour may be typed by a person."""
 NO_ANSWERS = frozenset(
     {"nextFiller", "markCue", "undoCue", "markMistake", "moveTask"}
     | {"releaseStop", "cancelOpenGoals", "releaseOpenGoals"}
 )
-"""Wizard tasks that do not answer a cue: they bridge it, mark it, or deal with earlier tasks."""
+"""Wizard tasks that do not answer a cue: they bridge it, mark it, or concern earlier tasks."""
 
 
 class ShadowHeader(Struct, tag_field="kind", tag="shadow", frozen=True, kw_only=True):
-    """The first line: who judges."""
+    """The first line, with the judging wizard."""
 
     format: int = SHADOW_FORMAT
     wizard: str
-    """The wizard's name as in consoles: `ben`."""
+    """The wizard's name, as in consoles: `ben`."""
     began: str
     """ISO 8601 with offset."""
     speed: float = 1.0
-    """Session seconds per second. Latencies mean something only at speed 1."""
+    """Session seconds per second. Latencies are meaningful only at speed 1."""
     version: str = __version__
 
 
@@ -66,7 +66,7 @@ class ShadowCue(Struct, tag_field="kind", tag="cue", frozen=True):
 
 
 class ShadowKey(Struct, tag_field="kind", tag="key", frozen=True, kw_only=True):
-    """A key press, a chosen row or something said. It was not sent anywhere."""
+    """A key press, a chosen row or a spoken text. It had no effect."""
 
     t: float
     """The session time of the key press."""
@@ -75,7 +75,7 @@ class ShadowKey(Struct, tag_field="kind", tag="key", frozen=True, kw_only=True):
     behavior: str = ""
     calling_type: str = ""
     cue: int | None = None
-    """The open cue. None: there was none."""
+    """The open cue; None: none."""
     filler: bool = False
     """Whether it would only have bridged the time."""
 
@@ -86,7 +86,7 @@ class ShadowKey(Struct, tag_field="kind", tag="key", frozen=True, kw_only=True):
 
 
 class ShadowMark(Struct, tag_field="kind", tag="mark", frozen=True):
-    """The wizard's judgement of something that the first wizard did."""
+    """The wizard's judgement of a deed of the first wizard."""
 
     t: float
     task: int
@@ -101,7 +101,7 @@ class ShadowNote(Struct, tag_field="kind", tag="note", frozen=True):
 
 
 class ShadowEnd(Struct, tag_field="kind", tag="end", frozen=True):
-    """The end: the whole session was shown."""
+    """The end of the session: everything was shown."""
 
     t: float
 
@@ -120,7 +120,7 @@ class Shadow(Struct, frozen=True, kw_only=True):
     lines: tuple[ShadowLine, ...]
     """All lines after the header."""
     problems: tuple[str, ...] = ()
-    """Sentences about lines that could not be read."""
+    """Sentences about unreadable lines."""
 
     @property
     def complete(self) -> bool:
@@ -129,10 +129,9 @@ class Shadow(Struct, frozen=True, kw_only=True):
 
     @property
     def resume_at(self) -> tuple[float, int]:
-        """Where to resume: the session time, and the `seq` of the cue that is shown again (0: none).
+        """The session time at which to resume, and the `seq` of the cue to repeat (0: none).
 
-        A cue that was shown and not answered when the wizard left is shown again, and keys pressed since then do not
-        count. Everything before is kept.
+        A cue without an answer is shown again, and keys pressed since then do not count. Everything before is kept.
         """
         at, open_cue = 0.0, 0
         for line in self.lines:
@@ -150,7 +149,7 @@ class Shadow(Struct, frozen=True, kw_only=True):
 
 
 def read_shadow(path: Path) -> Shadow:
-    """Read one file. Lines that cannot be read, such as a torn last line, are left out and reported.
+    """Read one file. Unreadable lines, such as a torn last line, are omitted and reported.
 
     :raises SessionError: the file cannot be read at all, or its first line is not a header.
     """
@@ -175,7 +174,7 @@ def read_shadow(path: Path) -> Shadow:
 
 
 def shadow_files(folder: Path) -> list[Path]:
-    """Return the files of a session's folder in the order of their numbers. Empty where there are none."""
+    """Return the files of a session's folder in the order of their numbers; empty: none."""
     try:
         found = [path for path in (folder / SHADOW_FOLDER).iterdir() if path.suffix == ".jsonl"]
     except OSError:
@@ -184,7 +183,7 @@ def shadow_files(folder: Path) -> list[Path]:
 
 
 def read_shadows(folder: Path) -> tuple[list[Shadow], list[str]]:
-    """Read all files of a session. Returns those that can be read, and sentences about the others."""
+    """Read all files of a session. Returns the readable ones, and sentences about the others."""
     shadows, problems = [], []
     for path in shadow_files(folder):
         try:
@@ -198,7 +197,7 @@ def read_shadows(folder: Path) -> tuple[list[Shadow], list[str]]:
 
 
 class ShadowWriter:
-    """A writer of one file, which it locks. Each line is on the disk when `append` returns."""
+    """A writer of one file, which it locks. When `append` returns, the line is on the disk."""
 
     def __init__(self, path: Path, descriptor: int, disk: Disk, size: int) -> None:
         self.path = path
@@ -238,7 +237,7 @@ class ShadowWriter:
     def resume(cls, path: Path, *, disk: Disk | None = None) -> ShadowWriter:
         """Continue a file. Its contents stay, even a torn line.
 
-        :raises SessionError: somebody else is writing it, or it cannot be opened.
+        :raises SessionError: another program is writing it, or it cannot be opened.
         """
         disk = disk or Disk()
         try:
@@ -260,31 +259,31 @@ class ShadowWriter:
         return cls(path, descriptor, disk, size)
 
     def append(self, line: ShadowLine) -> None:
-        """Write a line durably. Raises OSError; the line does not count then."""
+        """Write a line durably. Raises OSError if the line does not count."""
         data = msgspec.json.encode(line) + b"\n"
         self._disk.write(self._descriptor, data, self._size)
         self._disk.sync(self._descriptor)
         self._size += len(data)
 
     def close(self) -> None:
-        """Close the file. A second call does nothing."""
+        """Close the file. A second call has no effect."""
         if self._descriptor >= 0:
             self._disk.close(self._descriptor)
             self._descriptor = -1
 
 
 def unfinished_shadow(folder: Path, wizard: str) -> Shadow | None:
-    """Return this wizard's latest shadow if it is not complete. None: there is nothing to resume."""
+    """Return this wizard's latest shadow if it is not complete; None: there is nothing to resume."""
     own = [each for each in read_shadows(folder)[0] if each.header.wizard == wizard]
     return own[-1] if own and not own[-1].complete else None
 
 
 def replace_words(line: bytes, replace: Callable[[str], str]) -> bytes:
-    """Replace what people typed in a line: the wizard's name, notes, and what would have been said or set. The names
-    of acts, events and rules come from the scenario and stay.
+    """Replace typed texts in a line: the wizard's name, notes, speech and values. The names of acts, events and rules
+    come from the scenario and stay.
 
     :param replace: maps an old text to a new one.
-    :return: the same line when nothing changes or it cannot be read (the caller then finds the word in it).
+    :return: the same line if nothing changes or it cannot be read (the caller then finds the word in it).
     """
     try:
         found = _decoder.decode(line)

@@ -1,7 +1,7 @@
-"""New files and folders that move into place only when they are complete, and the leftovers of killed programs.
+"""New files and folders that move into place when they are complete, and the leftovers of killed programs.
 
-Until then, they are in a private folder beside their place: `.p07.csv.unfinished-x1y2`. The program that writes them
-locks this folder, so that nobody mistakes it for a leftover. Leftovers are erased (`erase_folder`).
+Until then, they are in a private folder beside their place: `.p07.csv.unfinished-x1y2`. Its writer locks this folder;
+an unlocked one is a leftover, and is erased (`erase_folder`).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EN
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Give a path for a new file or folder within a `with` statement. It moves to `path` if the statement succeeds.
+    """Yield a path for a new file or folder within a `with` statement. It moves to `path` if the statement succeeds.
 
     After an error, it is erased. An existing file is never replaced. The result is readable by its owner only and
     survives a power cut.
@@ -68,14 +68,14 @@ def private_folder(path: Path) -> Iterator[Path]:
 
 
 def _locked_folder(path: Path) -> tuple[Path, int]:
-    """Make a folder and lock it; returns the lock's descriptor too. Tries again if another program erased it."""
+    """Make and lock a folder. Returns the lock's descriptor, too. Tries again if another program erased it."""
     while True:
         work = Path(tempfile.mkdtemp(prefix=_prefix(path), dir=path.parent))
         try:
             lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC)
         except FileNotFoundError:
             continue
-        with suppress(OSError):  # without locks, leftovers of a kill are not cleared up either
+        with suppress(OSError):  # without locks, leftovers of a kill are not erased
             take_lock(lock, wait=True)
         if work.exists():
             return work, lock
@@ -86,24 +86,24 @@ def erase_unfinished(path: Path) -> list[Path]:
     """Erase the leftovers of killed programs that were writing to `path`.
 
     :param path: the final place.
-    :return: the folders that were left because a program is writing in them.
+    :return: the folders in which a program is still writing.
     """
     return _erase_unlocked(find_leftovers(path), partial(shutil.rmtree, ignore_errors=True))
 
 
 def find_leftovers(path: Path) -> list[Path]:
-    """Return the private folders of programs that were writing to `path`, sorted. Some may still be writing.
+    """Return the private folders of programs that were writing to `path`, sorted. Some may still write.
 
     :param path: the final place.
     """
     try:
         return sorted(Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path)))
-    except OSError:  # the next attempt to make something here reports the error
+    except OSError:  # the next attempt to write here reports the error
         return []
 
 
 def erase_all_unfinished(root: Path, erase: Callable[[Path], object]) -> list[Path]:
-    """Do the same as `erase_unfinished` for everything below a folder, by `erase`. Raises OSError if that does."""
+    """Erase as `erase_unfinished` does, everywhere below a folder, by `erase`. Raises OSError if that does."""
     found: list[Path] = []
     for where, folders, _ in os.walk(root):
         found += [Path(where, name) for name in folders if _IS_UNFINISHED.fullmatch(name)]
@@ -160,9 +160,9 @@ def _secure(made: Path) -> None:
 
 
 def move_new(here: Path, path: Path) -> None:
-    """Move a file or folder to a place where nothing is. A link, unlike a rename, never replaces an existing file.
+    """Move a file or folder to an empty place. Unlike a rename, a link never replaces an existing file.
 
-    :raises FileExistsError: something is there.
+    :raises FileExistsError: the place is not empty.
     :raises OSError: it cannot be moved.
     """
     if not here.is_dir():
@@ -180,7 +180,7 @@ def move_new(here: Path, path: Path) -> None:
 
 
 def has_other_names(path: Path) -> bool:
-    """Whether the file has further names (hard links), which may be a backup's. It stays available under those."""
+    """Whether the file has further names (hard links), perhaps a backup's, under which it stays available."""
     return path.lstat().st_nlink > 1
 
 

@@ -1,4 +1,4 @@
-"""How balanced a plan is, and where it is not. The rows are counted, whatever method made them."""
+"""Counts how balanced the rows of a plan are, whatever method made them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_engine.study.model import Slot, Study
 from rise_engine.study.plan import cells, condition_name, make_plan, runs, strata_of, stratum_name
 
 _FEW = 8
-"""The most numbers that a line lists in full."""
+"""Maximum number of numbers that a line lists in full."""
 
 
 class Counts(Struct, frozen=True):
@@ -23,11 +23,11 @@ class Counts(Struct, frozen=True):
     equal_after: tuple[int, ...]
     """The numbers of rows after which all have occurred equally often."""
     largest_difference: int
-    """The largest difference between the most and the least frequent after any row."""
+    """The largest difference between the most and the least frequent name after any row."""
 
     @property
     def is_equal(self) -> bool:
-        """Whether all occur equally often in the end."""
+        """Whether all names occur equally often in the end."""
         return len(set(self.counts.values())) <= 1
 
 
@@ -85,8 +85,8 @@ def prove_balance(study: Study, slots: Sequence[Slot]) -> Balance:
 
 
 def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
-    """Explain why the cells will be less balanced than possible when `n` are complete. Only blocks are checked. Strata
-    are assumed to have equal numbers, rounded down to whole ones.
+    """Explain why the cells will be less balanced than possible when `n` participants are complete. Only blocks are
+    checked. Strata are assumed to have equal numbers, rounded down to whole ones.
 
     :param study: the study.
     :param slots: its plan.
@@ -120,8 +120,8 @@ def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
 
 
 def with_blocks_that_fit(study: Study) -> Study:
-    """Return the study with blocks of one or two of each cell, which hide the last cell of a block. If these are uneven
-    at `n`, or few of them fit, each cell comes once in a block."""
+    """Return the study with blocks of one or two of each cell, so that nobody can predict a block's last cell. If these
+    are uneven at `n`, or few of them fit, each cell comes once in a block."""
     room = study.n // len(strata_of(study)) >= 4 * len(cells(study))
     for block in ((1, 2), (1, 1, 2)) if room else ():
         tried = replace(study, assignment=replace(study.assignment, block=block))
@@ -204,7 +204,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
             difference = max(counts.counts.values()) - min(counts.counts.values())
             yield f"  NOT BALANCED: at the end they differ by {difference}"
     number, rest = len(cells(study)), study.n % len(cells(study))
-    if rest and len(strata) < 2:  # which cells are fuller depends on who comes from each stratum
+    if rest and len(strata) < 2:  # the sizes of the strata decide which cells are fuller
         yield f"n = {study.n} is not a multiple of the {number} cells: {rest} of them will have one more."
     yield from (f"NOTE: {problem}." for problem in block_problems(study, slots))
     if len(strata) > 1:
@@ -247,7 +247,7 @@ def _last_set_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[st
 
 
 def _alike(orders: Sequence[OrderBalance]) -> list[tuple[tuple[tuple[int, ...], tuple[int, ...], int], str]]:
-    """Group the cells with the same results."""
+    """Group the cells with the same results: each result with the names of its cells."""
     groups: dict[tuple[tuple[int, ...], tuple[int, ...], int], list[str]] = {}
     for order in orders:
         key = (order.positions.equal_after, order.carry_over.equal_after, order.rows)

@@ -1,4 +1,4 @@
-"""Decides whether a session of a study can begin, and what the plan gives it.
+"""Decides whether a session of a study can begin, and with which condition, seed and language.
 
 `plan_session` decides and writes nothing. `SessionPlan` describes the session, including its first input. The caller
 writes `taken`, the folder and `session` under the log's lock (`rise_engine.run.server.study_session`).
@@ -34,11 +34,11 @@ from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyStatus
 
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
-"""Purposes of sessions with a person, who must have consented."""
+"""Purposes of sessions with a participant, who must have consented."""
 
 
 class CannotBegin(StudyError):
-    """The session cannot begin; one sentence for each reason, all that hold at once."""
+    """The session cannot begin; one sentence for each reason."""
 
     def __init__(self, *sentences: str, running: bool = False, unfinished: SessionEntry | None = None) -> None:
         super().__init__(*sentences)
@@ -49,18 +49,18 @@ class CannotBegin(StudyError):
 
 
 class BeginRequest(Struct, frozen=True):
-    """The session that somebody asks for."""
+    """A request to begin a session."""
 
     participant: str = ""
     run: int = 0
     """0: the next run."""
     purpose: Purpose = "counted"
     condition: str = ""
-    """The condition of a rehearsal. For other purposes, it must be the participant's."""
+    """The condition of a rehearsal. Other purposes allow only the participant's own."""
     mode: Mode | None = None
-    """None: the study's."""
+    """None: the study's mode."""
     checks: tuple[CheckReport, ...] | None = ()
-    """The results of the study's checks. None: they are made later, so do not require them."""
+    """The results of the study's checks. None: they are not made yet and not required here."""
     seed: int | None = None
 
 
@@ -72,7 +72,7 @@ class SessionPlan(Struct, frozen=True):
     mode: Mode
     run: PlannedRun
     slot: int | None
-    """The row that it holds. None: it has no row."""
+    """The plan's row that it holds. None: it has no row."""
     attempt: int
     seed: int
     takes_slot: bool = False
@@ -80,16 +80,16 @@ class SessionPlan(Struct, frozen=True):
     drawn: dict[str, str] = {}
     """The between levels, if they are drawn when the row is taken."""
     language: str = ""
-    """The language that the study gives the session, used if the scenario has translations."""
+    """The language that the study assigns, used if the scenario has translations."""
     is_assigned: bool = False
-    """Whether a factor or a stratum gives it, so that the scenario must have it."""
+    """Whether a factor or a stratum assigns the language, so that the scenario must have it."""
 
     def spoken_in(self, asked: str, scenario: LoadResult) -> str:
-        """Return the session's language. Empty: as the acts of its scenario have it.
+        """Return the session's language. Empty: the language of the scenario's acts.
 
-        :param asked: the language that somebody requests, or empty.
+        :param asked: the requested language, or empty.
         :param scenario: its scenario, loaded without a language.
-        :raises CannotBegin: the session counts, and the study gives another language, or one without a translation.
+        :raises CannotBegin: the session counts, and the study assigns another language, or one without a translation.
         """
         own = scenario.scenario.language if scenario.scenario is not None else ""
         is_missing = own and not scenario.translations and self.language not in ("", own)
@@ -119,10 +119,10 @@ class SessionPlan(Struct, frozen=True):
 
 
 def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
-    """Decide what the session is.
+    """Decide with which row, condition, seed and language the session begins.
 
     :param state: the study's current state, read under the lock by the caller that will begin the session.
-    :param request: the session that somebody asks for.
+    :param request: the requested session.
     :raises CannotBegin: with all reasons.
     """
     study = state.study
@@ -167,12 +167,12 @@ def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[St
 
 
 def to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
-    """Return the sessions that a new one makes the participant give up. Rehearsals never block a session."""
+    """Return the unfinished sessions that a new session gives up. Rehearsals never block a session."""
     return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
 
 
 def running_problem(state: StudyStatus, participant: str) -> str:
-    """Say that a session of the study runs, and whose. Empty if none runs."""
+    """Return a sentence that a session of the study runs, and whose. Empty: none runs."""
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
     if running is None:
         return ""
@@ -192,7 +192,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
         problems.append("a session that counts has the plan's seed: do not give another")
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     may_begin = standing is None or standing.state in BEGINNABLE or standing.state == "no-consent"
-    if request.checks is not None and may_begin:  # else the session cannot begin, and no checks are needed
+    if request.checks is not None and may_begin:  # otherwise the session cannot begin, and no checks are needed
         problems += check_problems(state, request.checks)
     if participant is None or standing is None:
         raise CannotBegin(*problems, running=bool(running))
@@ -233,7 +233,7 @@ def _planned_run(
     request: BeginRequest,
     problems: list[str],
 ) -> tuple[PlannedRun, dict[str, str]] | None:
-    """Return the participant's run and the levels drawn for it. None, with a problem added, if the plan has none."""
+    """Return the participant's run and its drawn levels. If the plan has none, add a problem and return None."""
     if standing.state not in BEGINNABLE:
         return None
     row = state.row_for(participant)
@@ -275,7 +275,7 @@ def _find_participant(
 
 
 def _hindrance(standing: ParticipantStanding) -> str:
-    """Say in a sentence why somebody cannot begin."""
+    """Return a sentence why the participant cannot begin."""
     name = standing.participant
     match standing.state:
         case "excluded":

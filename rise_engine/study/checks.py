@@ -1,4 +1,4 @@
-"""The checks of a study: `[[check]]` in study.toml, and which of them are still to make, can be skipped, or are due."""
+"""The checks of a study (`[[check]]` in study.toml): which are pending, which can be skipped, and which are due."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SIZES = {name.casefold(): factor for name, factor in SIZE_UNITS.items()}
 
 
 def parse_length(text: str) -> float | None:
-    """Return the seconds of a written duration. None when it is not one.
+    """Return the seconds of a written duration. None: it is not a duration.
 
     >>> parse_length("30 d"), parse_length("90min"), parse_length("a while")
     (2592000.0, 5400.0, None)
@@ -41,7 +41,7 @@ def parse_length(text: str) -> float | None:
 
 
 def parse_size(text: str) -> int | None:
-    """Return the bytes of a written size. None when it is not one.
+    """Return the bytes of a written size. None: it is not a size.
 
     >>> parse_size("20 GB"), parse_size("1.5gb"), parse_size("much")
     (20000000000, 1500000000, None)
@@ -53,7 +53,7 @@ def parse_size(text: str) -> int | None:
 
 
 def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
-    """Say in a sentence why a study's program cannot be started. Empty: nothing prevents it, as far as can be seen.
+    """Return a sentence why a study's program cannot be started. Empty: no reason is known.
 
     :param arguments: the check's `run`.
     :param folder: the study's folder.
@@ -87,7 +87,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _interpreter_problem(name: str, path: Path) -> str:
-    """Say what is wrong with a script's first line. Empty: nothing, or it is not a script."""
+    """Return what is wrong with a script's first line. Empty: nothing, or it is not a script."""
     try:
         with path.open("rb") as file:
             head = file.read(256)
@@ -120,10 +120,10 @@ AUTOMATIC: dict[str, str] = {
     "replay": "the last session replays identically",
     "explored": "what can happen in this condition and language was looked at, and nothing gets stuck or fails",
 }
-"""Each automatic check with what it confirms, in words for screens and records."""
+"""What each automatic check confirms, in words for screens and records."""
 OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
-"""Checks of one participant. Passing them says nothing about the next participant, so `every` does not apply, and
-they cannot be skipped in a session that counts."""
+"""Checks of one participant. They say nothing about the next one, so `every` does not apply, and they cannot be skipped
+in a session that counts."""
 
 
 _KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
@@ -135,7 +135,7 @@ _FORM = 'a check has exactly one of ask = "...", auto = "..." and run = ["..."]'
 
 
 def read_checks(study: TomlTable, folder: Path) -> tuple[StudyCheck, ...]:
-    """Read every check of a study, in the order in which they are made.
+    """Read all checks of a study in their order.
 
     :param study: the whole study.toml.
     :param folder: the study's folder, which has its own programs.
@@ -263,7 +263,7 @@ class PendingCheck(Struct, frozen=True):
 
     check: StudyCheck
     good_since: str = ""
-    """When it passed (ISO 8601), if this is still valid (`every`). Empty: it must be made."""
+    """When it passed (ISO 8601), if this result is still valid (`every`). Empty: it must be made."""
     value: str = ""
     """The earlier result's value."""
 
@@ -278,10 +278,10 @@ def check_text(check: StudyCheck) -> str:
 def pending_checks(
     study: Study, when: Literal["before", "after"], earlier: Sequence[LogEntry], now: datetime
 ) -> tuple[PendingCheck, ...]:
-    """Return the checks before or after a session in the order of the file, with those that are still valid.
+    """Return the checks before or after a session in the file's order, with those that are still valid.
 
     :param study: the study with the checks.
-    :param when: which of them.
+    :param when: before or after the session.
     :param earlier: the entries of study.jsonl in their order.
     :param now: a time with a time zone.
     """
@@ -312,7 +312,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
 
 
 def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
-    """Say in a sentence why a check cannot be skipped with this reason. Empty: it can."""
+    """Return a sentence why a check cannot be skipped with this reason. Empty: it can."""
     if check.auto in OF_THE_PARTICIPANT and purpose == "counted":
         what = "consent" if check.auto == "consent" else "whether the participant may take part"
         return f"{check.id}: {what} cannot be skipped in a session that counts"

@@ -28,7 +28,7 @@ class CsvRow(Struct, frozen=True):
 
 
 class CsvTable:
-    """The columns and rows of a file. Rows that differ in length from the header are reported and left out."""
+    """The columns and rows of a file. Rows that differ in length from the header are reported and omitted."""
 
     def __init__(self, reader: CsvReader, header: TableRecord, columns: list[str], rows: list[CsvRow]) -> None:
         self.columns = columns
@@ -55,7 +55,7 @@ class CsvTable:
 
         :param needed: the required columns.
         :param allowed: further allowed columns.
-        :param remedy: the end of the sentence about an unknown column.
+        :param remedy: the end of the message about an unknown column.
         """
         needed = list(needed)
         missing = [column for column in needed if column not in self.columns]
@@ -75,7 +75,7 @@ class CsvTable:
 def read_csv(
     folder: Path, name: str, diagnostics: Diagnostics, held: Held | None = None, *, most_columns: int = MAX_COLUMNS
 ) -> CsvTable | None:
-    """Read the table in a file of a study. None, with diagnostics, if it has errors.
+    """Read the table in a file of a study. Returns None, with diagnostics, if it has errors.
 
     Values are separated by comma, semicolon or tab. A byte order mark and line ends of Windows or Unix are accepted.
     """
@@ -144,7 +144,7 @@ _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def personal_column(column: str) -> str:
-    """Return what personal data a column of that name seems to hold, or an empty text.
+    """Return which personal data a column of that name seems to hold, or an empty text.
 
     >>> personal_column("Nachname"), personal_column("E-Mail"), personal_column("handedness")
     ('a name', 'a mail address', '')

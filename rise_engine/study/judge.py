@@ -1,4 +1,4 @@
-"""Decisions after a session: whether it counts, whose it is, and which participants are excluded."""
+"""Decisions after a session: whether it counts, whose it is, and whether a participant is excluded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rise_engine.study.state import OpenStudy, StudyStatus
 from rise_engine.study.verdict import read_verdict
 
 COMMAND_LINE = "command-line"
-"""The source of a decision when nobody gives a name."""
+"""The source of a decision if no name is given."""
 
 
 def judge_session(
@@ -30,11 +30,11 @@ def judge_session(
     source: str = COMMAND_LINE,
     here: bool = False,
 ) -> StudySession:
-    """Record how a session counts: one without outcome, one whose engine has gone, or one that was misjudged.
+    """Record a session's outcome, also if its engine has gone, or to correct an earlier outcome.
 
     :param open: the study, locked.
     :param participant: the session's participant.
-    :param status: how it counts.
+    :param status: the outcome.
     :param reason: why; required unless the status is complete and the session has no outcome yet.
     :param session: the name of its folder; empty: the participant's session without outcome, or else their last one.
     :param source: who decides.
@@ -115,7 +115,7 @@ def reassign_session(open: OpenStudy, session: str, participant: str, reason: st
 
 
 def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> tuple[int | None, str]:
-    """Return the row that goes with a session; or None and the reason why its holder keeps it."""
+    """Return the row that moves with a session; or None and the reason why its holder keeps it."""
     entry = session.entry
     counted = [each.entry for each in state.sessions if each.entry.purpose == "counted"]
     others = [each for each in counted if each.participant == entry.participant and each.folder != entry.folder]
@@ -202,7 +202,7 @@ def _outcome_problems(state: StudyStatus, session: StudySession, status: Outcome
 
 
 def _correction_problems(state: StudyStatus, session: StudySession) -> Sequence[str]:
-    """Explain why a judged session cannot be judged again: later decisions depend on it."""
+    """Explain why a judged session cannot be judged again if later decisions depend on its outcome."""
     entry = session.entry
     counted = [
         each

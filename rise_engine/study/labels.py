@@ -1,7 +1,7 @@
-"""Comparison of a session's labels in its journal, its session.toml and its study's log, and copies of sessions.
+"""Compares a session's labels in its journal, session.toml and its study's log, and finds copies of sessions.
 
-One difference is allowed: the log can *reassign*, with a reason, a session that was run under the wrong participant.
-The journal stays unchanged, and readers who need the participant follow the log (`reassignment_of`). A folder must not
+One difference is allowed: the log can reassign, with a reason, a session that was run under the wrong participant. The
+journal stays unchanged, and readers who need the participant follow the log (`reassignment_of`). A folder must not
 count when another one holds the same session (`copied_sessions`).
 """
 
@@ -36,13 +36,13 @@ from rise_engine.study.verdict import read_recoveries, read_verdict
 _FOLDER_NAME = re.compile(r"\d{4}-\d{2}-\d{2}_\d{6}_([A-Za-z0-9]+)_")
 """The start of a folder's name, with the participant."""
 _ROUNDED = 0.001
-"""Seconds by which the log's times differ from a journal's at most."""
+"""Maximum difference in seconds between the log's times and a journal's."""
 _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
 """Kinds of entries with a session's labels."""
 
 
 RUN_BY_WITHDRAWN = "withdrawn"
-"""Stands for a participant who has withdrawn, where a session was run under their pseudonym."""
+"""The value of `run_as` if the session was run under the pseudonym of a participant who has withdrawn."""
 
 
 class Reassignment(Struct, frozen=True):
@@ -60,7 +60,7 @@ class Reassignment(Struct, frozen=True):
 
     @property
     def run_as(self) -> str:
-        """The participant under whom it was run. `RUN_BY_WITHDRAWN`: they have withdrawn. Empty: it is theirs again."""
+        """The participant under whom it was run, or `RUN_BY_WITHDRAWN`. Empty: it was reassigned back to them."""
         if self.participant == self.was:
             return ""
         return RUN_BY_WITHDRAWN if self.was.startswith(WITHDRAWN_PREFIX) else self.was
@@ -105,7 +105,7 @@ def reassignment_of(folder: Path) -> Reassignment | None:
 
 
 def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> list[str]:
-    """List what session.toml, the study's log and the id in its study.toml say differently from a session's journal.
+    """List where session.toml, the study's log and the id in study.toml differ from a session's journal.
 
     After a reassignment, the log may have the journal's labels or the new ones.
 
@@ -130,7 +130,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     if labels is not None and any(
         str(each.get(who)).startswith(WITHDRAWN_PREFIX) for each in moves for who in ("was", "participant")
     ):
-        accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has put these into the earlier lines
+        accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has replaced them in earlier entries
     outcomes = [each for each in told if each.kind == "outcome"]
     found += _outcome_differences(folder, outcomes)
     found += _end_differences(folder, outcomes) if labels is not None else []
@@ -150,14 +150,14 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
 
 
 def _name_differences(name: str, labels: Mapping[str, Any]) -> Iterator[str]:
-    """Say whether the folder's name has another participant than the journal. People may give it another form."""
+    """Report a folder's name with another participant than the journal. Other forms of names are allowed."""
     named, participant = _FOLDER_NAME.match(name), str(labels.get("participant") or "")
     if named is not None and not pseudonym_problem(participant) and participant not in ("", named[1]):
         yield f'the folder\'s name says "{named[1]}", but {JOURNAL} says participant = "{participant}"'
 
 
 def _study_differences(study: Path, labels: Mapping[str, Any]) -> Iterator[str]:
-    """Say whether the study has another id than when the session ran."""
+    """Report that the study's id has changed since the session ran."""
     id, recorded = read_study_id(study), labels.get("study")
     if id and recorded and id != recorded:
         yield f'{STUDY_FILE} says id = "{id}", but {JOURNAL} says study = "{recorded}"'
@@ -173,7 +173,6 @@ def read_study_id(study: Path) -> str:
 
 @lru_cache(maxsize=4)
 def _read_study_id(study: Path, changed: tuple[int, int]) -> str:
-    """Do the same, cached while the file is unchanged."""
     try:
         return str(tomllib.loads(study.read_text("utf-8")).get("id") or "")
     except (OSError, ValueError):
@@ -181,7 +180,7 @@ def _read_study_id(study: Path, changed: tuple[int, int]) -> str:
 
 
 def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
-    """Say where the log's outcomes of a session do not follow from its journal.
+    """Report outcomes in the log that do not follow from the session's journal.
 
     The log begins with the journal's last outcome, if there is one. Each later entry is a correction with a reason.
 
@@ -206,7 +205,7 @@ def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str
 
 
 def _end_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
-    """Say whether the journal ends earlier than the log's first outcome, which has the session time of its end."""
+    """Report a journal that ends earlier than the log's first outcome, which has the session time of its end."""
     logged = told[0].get("seconds") if told else None
     if not isinstance(logged, float | int):
         return
@@ -218,10 +217,10 @@ def _end_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
 
 
 def outage_differences(folder: Path) -> list[str]:
-    """List recoveries of a session whose recorded downtime is another one than the times of day around it say.
+    """List recoveries whose recorded downtime differs from the wall-clock times before and after it.
 
-    Unlike `session_differences`, this reads the whole journal. A repair of the journal gives lost records the times of
-    their neighbours, so that a repaired one is not compared.
+    Unlike `session_differences`, this reads the whole journal. A repaired journal is not compared, because lost records
+    got the times of their neighbours.
     """
     labels = read_labels(folder / JOURNAL)
     if labels is None or not labels.get("wall") or any(folder.glob("journal.damaged-*")):
@@ -234,7 +233,7 @@ def outage_differences(folder: Path) -> list[str]:
 
 
 def refuse_relabelled(folder: Path) -> None:
-    """Refuse to read a session when two files, or the times in its journal, disagree about it.
+    """Refuse to read a session if two files, or the times in its journal, disagree about it.
 
     :param folder: the session's folder.
     :raises rise_engine.session.labels.RelabelledError: they disagree.
@@ -267,10 +266,10 @@ def session_folders(folder: Path) -> list[Path]:
 
 
 def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
-    """Find folders that are copies of another session, so that no session counts twice: their journals begin with the
-    same record. The log tells which one is the session; without it, the first by name.
+    """Find folders that are copies of another session: their journals begin with the same record. The original is the
+    one in the log; otherwise the first by name.
 
-    A session of a bundle that is shared has no dates. Among sessions with dates it is a copy.
+    A session without dates (from a shared bundle) counts as a copy of one with dates.
 
     :param folder: the study's folder.
     :param log: the study's log.
@@ -299,7 +298,7 @@ def repeated_sessions(sessions: Iterable[SessionEntry]) -> dict[str, str]:
     """Find counted sessions of the same participant, run and attempt. The program never makes a second one.
 
     :param sessions: in the order in which they began.
-    :return: a sentence for each session that another one precedes, by the folder's name.
+    :return: a sentence for each repetition, by the folder's name.
     """
     found: dict[str, str] = {}
     first: dict[tuple[str, int, int], str] = {}

@@ -18,7 +18,7 @@ FactorKind: TypeAlias = Literal["between", "within"]
 BetweenMethod: TypeAlias = Literal["blocks", "minimise", "random", "list"]
 WithinMethod: TypeAlias = Literal["williams", "latin", "all", "fixed", "random"]
 LANGUAGE = "language"
-"""A factor, stratum or column of this name gives the language that the robot speaks."""
+"""A factor, stratum or column of this name determines the language that the robot speaks."""
 
 
 class Level(Struct, frozen=True):
@@ -40,13 +40,13 @@ class Factor(Struct, frozen=True):
 
     name: str
     kind: FactorKind
-    """between: each participant has one level. within: every participant has all levels, each in a run, which is a
-    separate session."""
+    """between: each participant has one level. within: each participant has all levels, each in its own session (a
+    run)."""
     levels: tuple[Level, ...]
 
 
 class AssignmentSettings(Struct, frozen=True):
-    """How participants get their levels (`[assignment]`)."""
+    """How participants get their levels and orders (`[assignment]`)."""
 
     between: BetweenMethod = "blocks"
     block: tuple[int, ...] = (1,)
@@ -70,15 +70,15 @@ class StudyCheck(Struct, frozen=True):
     auto: str = ""
     """A check that the program makes: one of `rise_engine.study.checks.AUTOMATIC`."""
     run: tuple[str, ...] = ()
-    """A program with arguments, run in the study's folder. Exit status 0 means passed; its first line is the value."""
+    """A program with arguments, run in the study's folder. Exit status 0: passed; its first line is the value."""
     minimum: str = ""
     """For `disk`: the free space required, `20 GB`."""
     valid: float | None = None
     """Seconds for which a passed check stays valid (`every = "30 d"`). None: it is made for each session."""
     blocks: bool = True
-    """Whether a failure blocks the session, unless somebody skips the check with a reason."""
+    """Whether a failure blocks the session, unless a person skips the check with a reason."""
     limit: float | None = None
-    """Seconds that it may take (`limit = "2min"`). None: its kind's default (`rise_engine.checks.runner`)."""
+    """Maximum seconds that it may take (`limit = "2min"`). None: its kind's default (`rise_engine.checks.runner`)."""
 
 
 class RecorderSettings(Struct, frozen=True):
@@ -86,17 +86,17 @@ class RecorderSettings(Struct, frozen=True):
 
     name: str
     driver: str
-    """The kind of recorder. Default: the name, where `by` is not given."""
+    """The kind of recorder: `by`, by default the recorder's name."""
     options: dict[str, Json] = {}
     stalled_after: float | None = None
-    """Seconds without growth after which it counts as stalled. None: its driver's default."""
+    """Seconds without growth after which the recorder counts as stalled. None: its driver's default."""
 
 
 class MarkerSettings(Struct, frozen=True):
     """What is sent to LSL while the session runs (`lsl` in `[recording]`)."""
 
     scope: Literal["machine", "link", "site"] = "machine"
-    """The part of the network that can see it."""
+    """The part of the network that receives the markers."""
     payload: Literal["short", "json"] = "short"
 
 
@@ -119,11 +119,9 @@ class RecordingSettings(Struct, frozen=True):
     sync: SyncSettings | None = None
     """None: there are no marks."""
     folder: str = ""
-    """Absolute folder for recorders that name their own file; each session gets a folder in it. Empty: the session's
-    own folder."""
+    """Absolute parent folder for recorders that name their own file. Empty: the session's own folder."""
     consent: str = "recording"
-    """The consent that a participant must have given before a recording: `recording` is the column
-    consent_recording."""
+    """The consent that a participant must have given: `recording` is the column consent_recording."""
 
 
 class ItemDescription(Struct, frozen=True):
@@ -146,7 +144,7 @@ class QuestionnaireSettings(Struct, frozen=True):
     """The column with the run after which it was asked. Empty: it is asked once."""
     columns: dict[str, ItemDescription] = {}
     leave_out: tuple[str, ...] = ()
-    """Columns that no export has."""
+    """Columns that no export contains."""
     about: str = ""
     """Its description, as in a paper."""
 
@@ -188,9 +186,9 @@ class Study(Struct, frozen=True):
     """Statements for the reporting sheet, by the name of the item (`[report]`)."""
     questionnaires: tuple[QuestionnaireSettings, ...] = ()
     hash: str = ""
-    """SHA-256 of what study.toml says about sessions (`rise_engine.study.plan.content_hash`)."""
+    """SHA-256 of the parts of study.toml that affect sessions (`rise_engine.study.plan.content_hash`)."""
     design_hash: str = ""
-    """SHA-256 of what the plan depends on. It must not change once there is a plan."""
+    """SHA-256 of the parts that the plan depends on. It must not change once there is a plan."""
 
 
 class Participant(Struct, frozen=True):
@@ -240,7 +238,7 @@ class PlannedRun(Struct, frozen=True):
 
 
 class SessionEntry(Struct, frozen=True):
-    """What is known of a session of the study."""
+    """A session of the study, as far as it is known."""
 
     participant: str
     run: int
@@ -252,10 +250,10 @@ class SessionEntry(Struct, frozen=True):
     started: str
     """ISO 8601."""
     status: Literal["running", "unfinished", "ended"]
-    """unfinished: its engine has gone, and nobody has continued it or given it up."""
+    """unfinished: its engine has gone, and it was neither continued nor given up."""
     outcome: OutcomeStatus | None = None
     earlier_outcomes: tuple[OutcomeStatus, ...] = ()
-    """How it was judged before, in this order, where a later judgement changed it."""
+    """Earlier outcomes in their order, if a later judgement changed them."""
     reason: str = ""
     seconds: float = 0.0
     """Session time of its last record."""
@@ -264,7 +262,7 @@ class SessionEntry(Struct, frozen=True):
     run_as: str = ""
     """The participant under whom it was run, if the log has reassigned it. `withdrawn`: they have withdrawn."""
     reassigned: str = ""
-    """Why it was reassigned. Empty: it was not."""
+    """The reason for reassigning it. Empty: it was not reassigned."""
 
 
 ParticipantState: TypeAlias = Literal[
@@ -281,7 +279,7 @@ ParticipantState: TypeAlias = Literal[
 ]
 """A participant's progress. waiting: for the first session; no-consent: as waiting, but it cannot begin; running: now;
 unfinished: a session did not end; to-judge: a session ended without outcome; to-go-on: further runs follow; aborted:
-the last session was, and may be repeated; complete: all runs."""
+the last session was aborted and may be repeated; complete: all runs."""
 
 
 class ParticipantStanding(Struct, frozen=True):
@@ -290,7 +288,7 @@ class ParticipantStanding(Struct, frozen=True):
     participant: str
     state: ParticipantState
     why: str = ""
-    """What blocks them, or why they are out, in a sentence."""
+    """What blocks them, or why they no longer count, in a sentence."""
     strata: dict[str, str] = {}
     slot: int | None = None
     next_run: int | None = None
@@ -311,7 +309,7 @@ class CellStanding(Struct, frozen=True):
     open: int
     """Participants who hold one of its slots and are not complete."""
     planned: int
-    """Rows within the first `n`. 0 where cells are drawn, or where the sizes of strata are unknown."""
+    """Rows within the first `n`. 0: cells are drawn, or the sizes of strata are unknown."""
 
 
 class StudyStanding(Struct, frozen=True):

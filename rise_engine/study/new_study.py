@@ -34,11 +34,11 @@ class NewStudy(Struct, frozen=True):
 
 
 def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False) -> list[Diagnostic]:
-    """Write a study into a new or empty folder, whole or not at all. Returns its errors.
+    """Write a study into a new or empty folder, completely or not at all. Returns its errors.
 
     :param folder: the new folder.
     :param new: the study.
-    :param accept_errors: write the study despite errors, so that somebody who answered many questions can fix them.
+    :param accept_errors: write the study despite errors, so that a person can fix them in its files.
     :raises StudyError: the folder has contents or cannot be written, or the study has errors.
     """
     if problem := folder_problem(folder):
@@ -57,7 +57,7 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
         loaded = load_study(made)
         if loaded.study is None and not accept_errors:
             raise StudyError("the study would have errors:", *map(str, loaded.errors))
-        made.rename(folder)  # an empty folder of that name is replaced
+        made.rename(folder)  # replaces an empty folder of that name
         return loaded.errors
     except OSError as error:
         raise StudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
@@ -66,7 +66,7 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
 
 
 def folder_problem(folder: Path) -> str:
-    """Say why no study can be made there. Empty: it can."""
+    """Return why no study can be made there. Empty: it can."""
     try:
         if folder.is_dir():
             return f"{folder} is not empty; name a new folder" if any(folder.iterdir()) else ""
@@ -87,8 +87,7 @@ def _fill(folder: Path, new: NewStudy) -> None:
 
 
 def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
-    """Copy every file except hidden ones and links out of the scenario. Permissions are not copied, because the copy
-    must be writable."""
+    """Copy all of a scenario except hidden files and links. Permissions are not copied: the copy must be writable."""
     to.mkdir()
     for path in sorted(source.iterdir()):
         if path.name.startswith(".") or why_not_read(scenario, path.relative_to(scenario)):
@@ -100,7 +99,7 @@ def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
 
 
 def study_toml_text(new: NewStudy) -> str:
-    """Write study.toml with comments that say what can be changed."""
+    """Write study.toml with comments on possible changes."""
     study = new.study
     lines = [
         "# The design of this study. You change it here; `rise-engine study check` says in",
@@ -129,7 +128,7 @@ def study_toml_text(new: NewStudy) -> str:
 
 
 def copy_sentence(name: str, source: str) -> str:
-    """Say that a scenario of a study is a copy.
+    """Return a sentence that a scenario of a study is a copy.
 
     >>> copy_sentence("scenario", "../greeting")
     'scenario is a copy: later changes to ../greeting have no effect here'
@@ -138,7 +137,7 @@ def copy_sentence(name: str, source: str) -> str:
 
 
 def _copy_lines(name: str, source: Path) -> Iterable[str]:
-    """Name the source without its path, which may name people, because a study is given to others."""
+    """Name the source without its path, which may contain personal names, because others get the study."""
     yield from wrap(f"{copy_sentence(name, source.name)}. Change the copy.", 88)
 
 
@@ -230,7 +229,7 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
 
 
 EXAMPLE = "X00"
-"""A pseudonym that nobody is likely to have, so that a withdrawal does not find it in these lines."""
+"""An unlikely pseudonym, so that a withdrawal does not find it in these lines."""
 _RECORDING_LINES = (
     "# What records each session, begun and ended with it; take away the # of what you have.",
     "# Only participants with a date in the column consent_recording of participants.csv are recorded.",

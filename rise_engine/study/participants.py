@@ -1,7 +1,7 @@
 """The participants of a study under their pseudonyms, and the kinds of session that they can have.
 
-participants.csv (docs/reference/study.md) is only read, never written. A kind of session is a condition in a language
-of participants; the scenario must have translations into each language.
+participants.csv (docs/reference/study.md) is only read, never written. A kind of session is a condition in one of the
+participants' languages, into which the scenario must have translations.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ParticipantsLoad(Struct, frozen=True):
     """The result of reading participants.csv."""
 
     participants: tuple[Participant, ...]
-    """Participants in the order of the file. Rows with errors are included as far as they could be read."""
+    """Participants in the file's order. Rows with errors are included as far as they are readable."""
     diagnostics: list[Diagnostic]
 
     @property
@@ -106,12 +106,12 @@ class _ParticipantsReader:
         table.check_columns(needed, ["status", "comment", *study.columns, *further, *personal], remedy)
 
     def check_recording_consent(self) -> None:
-        """Warn if the column is missing: then nobody is recorded, perhaps by mistake."""
+        """Warn if the consent column is missing: then nobody is recorded, perhaps by mistake."""
         recording, table = self.study.recording, self.table
         column = f"{CONSENT_PREFIX}{recording.consent}"
         if not (recording.recorders or recording.sync) or column in table.columns:
             return
-        if recording.consent not in self.study.consent:  # else the missing column is an error anyway
+        if recording.consent not in self.study.consent:  # otherwise the missing column is an error anyway
             consents = [each for each in table.columns if each.startswith(CONSENT_PREFIX)]
             example = consents[0].removeprefix(CONSENT_PREFIX) if consents else "study"
             near = did_you_mean(column, consents, limit=0) or ";"
@@ -203,8 +203,8 @@ def check_languages(
 ) -> None:
     """Report languages that a scenario lacks, and translations that are incomplete.
 
-    A scenario without any translation that does not say its own language has each. A column `language` may then be one
-    like any other, but not a factor or a stratum.
+    A scenario without translations is not checked if it has no `language`, or if the language comes from
+    participants.csv.
 
     :param people: the rows of participants.csv.
     :param scenarios: by absolute folder.
@@ -228,8 +228,7 @@ def check_languages(
 
 
 def languages_of(study: Study, people: Iterable[Participant]) -> dict[str, SourceLocation]:
-    """Return every value of the study's `language` (a factor, a stratum or a column of participants), with its first
-    place."""
+    """Return every value of `language` (a factor, stratum or column of participants) with its first place."""
     found: dict[str, SourceLocation] = {}
     for factor in study.factors:
         if factor.name == LANGUAGE:
@@ -248,11 +247,11 @@ class SessionKind(Struct, frozen=True):
 
     run: PlannedRun
     language: str = ""
-    """Empty: as the acts have it."""
+    """Empty: the language of the acts."""
 
     @property
     def name(self) -> str:
-        """A name for people: `polite+AB (de)`. Empty where there is only one kind."""
+        """A name for people: `polite+AB (de)`. Empty: there is only one kind."""
         if self.run.condition and self.language:
             return f"{self.run.condition} ({self.language})"
         return self.run.condition or self.language
@@ -273,8 +272,8 @@ def session_kinds(
     """Return every kind of session, in the order of study.toml.
 
     :param study: the study.
-    :param people: from participants.csv, where a further column can give the language.
-    :param scenarios: the scenarios without errors, by absolute folder; kinds with other scenarios are left out.
+    :param people: from participants.csv, where a further column can determine the language.
+    :param scenarios: the scenarios without errors, by absolute folder; kinds with other scenarios are omitted.
     """
     names = [factor.name for factor in study.factors]
     spoken = list(languages_of(study, people))

@@ -1,6 +1,7 @@
-"""A study's design and its consequences: cells, runs of a participant, strata, hashes, and the plan.
+"""A study's cells, runs, strata and hashes, and its plan.
 
-The plan gives each slot its cell and order. It is made once and only read after that."""
+The plan assigns a cell and an order to each slot. It is made once and only read afterwards.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +39,7 @@ def cells(study: Study) -> list[dict[str, str]]:
 
 
 def runs(study: Study) -> list[str]:
-    """Return each participant's runs: all combinations of within levels, joined by `+`. One empty text if there is no
-    factor."""
+    """Return each participant's runs: combinations of within levels, joined by `+`. No factor: one empty text."""
     return ["+".join(combination.values()) for combination in _combinations(factors_of(study, "within"))]
 
 
@@ -124,7 +124,7 @@ def _plain_level(level: Json) -> Json:
 
 
 def design_hash(study: Study) -> str:
-    """Return the SHA-256 of everything that the plan depends on. Titles, labels and checks may change."""
+    """Return the SHA-256 of everything that the plan depends on, without titles, labels and checks."""
     return _hash_of(design_of(study))
 
 
@@ -173,7 +173,7 @@ def slot_seed(study: Study, number: int) -> int:
 
 
 def rows_wanted(study: Study) -> int:
-    """Return the least number of rows of each stratum: `n` and the spare ones."""
+    """Return the minimum number of rows of each stratum: `n` and the spare ones."""
     return ceil(study.n * (1 + Fraction(repr(study.assignment.spare))))
 
 
@@ -237,7 +237,7 @@ def _cells_in_blocks(study: Study, stratum: str, every: list[dict[str, str]]) ->
 
 
 def _draw(study: Study, slot: Slot) -> Slot:
-    """Return the row with what is drawn for it alone."""
+    """Return the row with the values that are drawn for this row only."""
     levels, order = slot.levels, slot.order
     if study.assignment.between == "random":
         levels = Chance(slot.seed, "cell").choose(cells(study))
@@ -247,7 +247,7 @@ def _draw(study: Study, slot: Slot) -> Slot:
 
 
 def _take_away(rows: list[Slot], held: Slot) -> None:
-    """Remove the row that a held one replaces: one of the same cell, and of the same order if possible."""
+    """Remove a row that a held one replaces: one of the same cell, and of the same order if possible."""
     same_cell = [row for row in rows if row.levels == held.levels] or rows[:1]
     if same_cell:
         rows.remove(next((row for row in same_cell if row.order == held.order), same_cell[0]))
@@ -327,7 +327,7 @@ def _level_names(factor: Factor) -> list[str]:
 # --- minimisation -----------------------------------------------------------------------------------------------------
 
 BEST_OUT_OF = (4, 5)
-"""How often the best-balancing cell is taken. If always, anybody who knows the others could predict it."""
+"""How often the best-balancing cell is taken (4 of 5). If always, its choice could be predicted from the others."""
 
 
 def cell_for(
@@ -338,10 +338,10 @@ def cell_for(
 ) -> dict[str, str]:
     """Choose the levels of the between factors for a participant who takes a slot now.
 
-    For each cell, compute how unequal the cells would be with this participant in it: once over everybody, and once for
-    each stratum column over those with the same value. Inequality is the largest count minus the smallest. One of the
-    cells with the smallest sum is drawn four times out of five, otherwise one of the rest. The same arguments give the
-    same cell.
+    For each cell, compute how unequal the cells would be with this participant in it: once over all participants, and
+    once for each stratum column over those with the same value. Inequality is the largest count minus the smallest. One
+    of the cells with the smallest sum is drawn four times out of five, otherwise one of the rest. The same arguments
+    give the same cell.
 
     :param study: the study, with the method `minimise`.
     :param taken_so_far: strata and levels of all who hold a slot and count, in any order.

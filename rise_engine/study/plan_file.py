@@ -24,17 +24,15 @@ from rise_engine.study.plan import factors_of, runs, slot_seed
 
 PLAN_FILE = "plan.csv"
 NEW_PLAN_FILE = "plan.csv.new"
-"""A new plan that is not in its place yet."""
+"""A new plan before it is renamed to plan.csv."""
 
 
 class PlanLoad(Struct, frozen=True):
-    """The result of reading plan.csv."""
-
     slots: tuple[Slot, ...] | None
     """None: there is no plan, or it has errors."""
     diagnostics: list[Diagnostic]
     hash: str = ""
-    """SHA-256 of the file. Empty where there is none."""
+    """SHA-256 of the file. Empty: there is none."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -60,7 +58,7 @@ def plan_text(study: Study, slots: Sequence[Slot]) -> str:
 
 
 def text_hash(text: str) -> str:
-    """Return the SHA-256 of a text in UTF-8, which is that of a file with it."""
+    """Return the SHA-256 of a text in UTF-8, equal to that of a file with this text."""
     return sha256(text.encode()).hexdigest()
 
 
@@ -84,7 +82,7 @@ def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
 
 
 def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
-    """Rename the new plan to plan.csv, whole or not at all. It never replaces a plan.
+    """Rename the new plan to plan.csv atomically. It never replaces a plan.
 
     :param folder: the study's folder.
     :param disk: for tests that let it fail.
@@ -118,7 +116,7 @@ def set_plan_aside(folder: Path) -> str:
 
 
 def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
-    """Return the SHA-256 of a plan's file. Empty where there is none.
+    """Return the SHA-256 of a plan's file. Empty: there is none.
 
     :raises StudyError: it cannot be read.
     """
@@ -197,7 +195,7 @@ class _PlanReader:
         )
 
     def read_number(self, row: CsvRow, column: str, otherwise: int, least: int) -> int | None:
-        """Read a whole number. A list without this column has `otherwise`. None, with a diagnostic, for an error."""
+        """Read a whole number. If the list lacks this column, return `otherwise`; None, with a diagnostic: an error."""
         if column not in self.table.columns:
             return otherwise
         text = row.values[column]

@@ -1,7 +1,7 @@
-"""Makes a study's plan once, and again only with a reason. study.jsonl says which plan is valid.
+"""Makes a study's plan once, and again only with a reason. study.jsonl has the hash of the valid plan.
 
-The new plan is written beside the old one, its hash is logged, and then it is moved into place. If this is interrupted,
-the next `rise-engine study plan` completes it: the log's hash shows which file is valid.
+The new plan is written beside the old one, its hash is logged, and then it is moved into place. After an interruption,
+the next `rise-engine study plan` completes this.
 """
 
 from __future__ import annotations
@@ -36,8 +36,6 @@ from rise_engine.study.study_scenarios import scenario_folder
 
 
 class MadePlan(Struct, frozen=True):
-    """The result of making a plan."""
-
     slots: tuple[Slot, ...]
     balance: Balance
     sentence: str
@@ -55,13 +53,13 @@ def plan_study(
     """Make the plan of a study, or report the existing one.
 
     Participants who hold a slot keep their row and number in a new plan, with the cell and order that they began with.
-    All other rows are made anew, and their numbers follow the highest slot that was ever taken.
+    All other rows are new, and their numbers follow the highest slot that was ever taken.
 
     :param study: the study.
     :param scenarios: the study's scenarios by absolute folder; the log gets their hashes.
     :param participants: from participants.csv, which may exclude some.
     :param again: the reason for a new plan; None: make the first one.
-    :param anyway: the reason for planning although sessions have problems; empty: no problem is known.
+    :param anyway: the reason for planning despite problems of sessions; empty: no problem is known.
     :raises StudyError: there is another plan, or none can be made; one sentence for each problem.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
@@ -162,7 +160,7 @@ def _plan_again(
 def _take_scenarios(
     study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, planned: LogEntry, why: Mapping[str, Json]
 ) -> MadePlan:
-    """Keep the plan but accept changed scenarios, for example after a fix. The log gets the reason."""
+    """Keep the plan but accept changed scenarios, for example after a fix. The reason is logged."""
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
     changed = [name for name, digest in hashes.items() if before.get(name) != digest]
     if not changed:
@@ -220,7 +218,7 @@ def _refuse_lost(holders: Mapping[int, str], slots: Sequence[Slot]) -> None:
 
 
 def _keep(study: Study, planned: LogEntry) -> MadePlan:
-    """Return the existing plan, if it is unchanged and fits the design."""
+    """Return the existing plan if it is unchanged and fits the design."""
     folder = Path(study.folder)
     present, date = plan_hash(folder), planned.at[:10]
     again = "or make a new plan: rise-engine study plan --again REASON"
@@ -238,7 +236,7 @@ def _keep(study: Study, planned: LogEntry) -> MadePlan:
 
 
 def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
-    """Say why the present plan is not valid, or return an empty text.
+    """Return why the present plan is not valid, or an empty text.
 
     :param study: the study now.
     :param planned: the log's last entry of a plan.
@@ -264,7 +262,7 @@ def _read(study: Study, sentence: str) -> MadePlan:
 
 
 def _finish(folder: Path, planned: LogEntry) -> bool:
-    """Move a plan into place that is already logged. Returns whether there was one to move."""
+    """Rename a new plan that is already logged. Returns whether there was one."""
     if plan_hash(folder) == planned.get("plan_hash") or plan_hash(folder, NEW_PLAN_FILE) != planned.get("plan_hash"):
         return False
     _put_in_place(folder)

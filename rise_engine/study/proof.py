@@ -1,4 +1,4 @@
-"""The proof of a study's sessions: each replays identically, and all files agree about it."""
+"""Proves a study's sessions: each replays identically, and all files agree about it."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class ProvedSession(Struct, frozen=True):
     comparison: ReplayComparison | None
     """The result of its replay. None: it cannot be replayed."""
     problems: tuple[str, ...] = ()
-    """Sentences on why it cannot be replayed, and on what disagrees with its journal."""
+    """Sentences on why it cannot be replayed, and on contradictions to its journal."""
     note: str = ""
-    """A remark that the log has reassigned it, which is not a problem."""
+    """The remark that the log has reassigned it, which is not a problem."""
 
     @property
     def identical(self) -> bool:
@@ -39,20 +39,20 @@ class ProvedSession(Struct, frozen=True):
 
     @property
     def proved(self) -> bool:
-        """Whether it replays record for record, and nothing disagrees with its journal."""
+        """Whether it replays record for record, and nothing contradicts its journal."""
         return self.identical and not self.problems
 
 
 def prove_sessions(
     folder: Path, state: StudyStatus | None, *, absent: Mapping[str, str] | None = None
 ) -> Iterator[ProvedSession]:
-    """Replay each session of a study that does not run, and compare it with study.jsonl, session.toml and plan.csv.
+    """Replay each session that is not running, and compare it with study.jsonl, session.toml and plan.csv.
 
     A missing session counts as not proved if study.jsonl has its outcome.
 
     :param folder: the folder of a study or a bundle.
     :param state: the study's state; None: its files have errors, so that sessions are only replayed.
-    :param absent: for a bundle: the logged sessions that it leaves out on purpose; all others must be there.
+    :param absent: the logged sessions that a bundle omits on purpose; all others must be there.
     """
     known = {each.name: each for each in state.sessions} if state is not None else {}
     log = state.log if state is not None else ()
@@ -116,8 +116,8 @@ def _named_in_log(folder: Path) -> set[str]:
 
 
 def _scenario_differences(state: StudyStatus, session: StudySession) -> list[str]:
-    """Say whether a counted session ran the scenario that was planned for another level, as after folders were
-    exchanged. Changes of its own scenario are no difference."""
+    """Report a counted session that ran the scenario of another level, for example after folders were exchanged.
+    Changes of its own scenario are not reported."""
     study, info = state.study, session.info
     planned: dict[str, set[str]] = {}
     for each in state.log:
@@ -138,7 +138,7 @@ def _scenario_differences(state: StudyStatus, session: StudySession) -> list[str
 
 
 def _plan_differences(state: StudyStatus, session: StudySession) -> list[str]:
-    """Say where a counted session differs from its row of the plan."""
+    """Report differences between a counted session and its row of the plan."""
     entry = session.entry
     row = next((each for each in state.plan if each.slot == entry.slot), None)
     if row is None or entry.purpose != "counted":

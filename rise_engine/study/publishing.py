@@ -1,4 +1,4 @@
-"""Who publishes a study, and what others may do with it, from `[report]` in study.toml."""
+"""The authors, licence and statements of a published study, from `[report]` in study.toml."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def authors_of(report: Mapping[str, str]) -> tuple[Author, ...]:
 
 
 def orcid_problem(orcid: str) -> str:
-    """Say what is wrong with an ORCID, as the end of a sentence. Empty: nothing.
+    """Return what is wrong with an ORCID, as the end of a sentence. Empty: nothing.
 
     https://support.orcid.org/hc/en-us/articles/360006897674-Structure-of-the-ORCID-Identifier
 
@@ -125,11 +125,11 @@ REPORT_ITEMS = (
 )
 ITEM_NAMES = tuple(item.name for item in REPORT_ITEMS)
 PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department", "ethics", "funding")
-"""Entries that the sheet does not ask for but bundles and BIDS data sets give: publishers and terms of use."""
+"""Entries that the sheet does not ask for but bundles and BIDS data sets contain."""
 
 
 def read_report(study: TomlTable) -> dict[str, str]:
-    """Read the answers by the names of their items. Items without an answer are left out.
+    """Read the answers by the names of their items. Items without an answer are omitted.
 
     :param study: the whole study.toml.
     """

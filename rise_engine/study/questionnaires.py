@@ -1,7 +1,7 @@
 """Questionnaires: `[questionnaire.NAME]` of study.toml, and the file from a survey tool (docs/reference/study.md).
 
-People provide the file, and nothing here writes it. Its rows are joined to the sessions by the participant's pseudonym,
-and by the run if the questionnaire is asked after each run.
+The file is only read. Its rows are joined to the sessions by the participant's pseudonym, and by the run if the
+questionnaire is asked after each run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rise_engine.study.model import ItemDescription, Participant, QuestionnaireS
 
 SUFFIXES = (".csv", ".tsv", ".txt")
 COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purpose", "outcome")
-"""Column names that tables use otherwise. No item may have one."""
+"""Column names that tables already use. No item may have one."""
 FACTOR_PREFIX = "factor_"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
@@ -37,7 +37,7 @@ ValueType: TypeAlias = Literal["integer", "number", "string"]
 
 
 class Item(Struct, frozen=True):
-    """One column of a questionnaire that exports have."""
+    """An exported column of a questionnaire."""
 
     name: str
     about: str
@@ -58,8 +58,6 @@ class Answers(Struct, frozen=True):
 
 
 class Questionnaire(Struct, frozen=True):
-    """The result of reading a questionnaire's file."""
-
     settings: QuestionnaireSettings
     items: tuple[Item, ...]
     rows: tuple[Answers, ...]
@@ -140,7 +138,7 @@ def load_questionnaire(
     :param people: the rows of participants.csv.
     :param runs: the number of runs of a participant; 0: any number.
     :param has_withdrawn: whether a participant who is no longer in participants.csv has withdrawn.
-    :return: its rows and all errors; a file that is not there yet is a warning.
+    :return: its rows and all errors; a missing file is a warning.
     """
     diagnostics = Diagnostics()
     folder = Path(study.folder)
@@ -161,10 +159,10 @@ def load_questionnaire(
 def find_missing(
     questionnaire: Questionnaire, took_part: Iterable[tuple[str, int]], people: Iterable[Participant]
 ) -> list[Diagnostic]:
-    """List participants who took part and have no row, as warnings at their line of participants.csv; and rows of
-    participants who took no part, which no export has, at their line of the questionnaire.
+    """Warn of participants who took part and have no row, at their line of participants.csv. Also warn of rows of
+    participants who did not take part, which no export contains.
 
-    :param questionnaire: the questionnaire as read.
+    :param questionnaire: the questionnaire.
     :param took_part: participants with their runs.
     :param people: the rows of participants.csv.
     """
@@ -225,7 +223,7 @@ class _AnswersReader:
         return rows
 
     def item_names(self) -> list[str]:
-        """Return the columns to export, and report what is wrong with columns."""
+        """Return the columns to export, and report errors in columns."""
         settings, table = self.settings, self.table
         here = f"[questionnaire.{settings.name}]"
         wanted = [settings.key, *([settings.run] if settings.run else [])]
@@ -318,10 +316,10 @@ class _AnswersReader:
 
 
 def type_of_values(values: Iterable[str], before: ValueType | None = None) -> ValueType | None:
-    """Return the type that fits all values of a column. Empty ones count for nothing. None: all are empty.
+    """Return the type that fits all values of a column except empty ones. None: all are empty.
 
     :param values: as in a table.
-    :param before: the type of further values.
+    :param before: the type of values that were already read.
 
     >>> type_of_values(["1", "", "-2"]), type_of_values(["2.5"], "integer"), type_of_values(["2", "two"])
     ('integer', 'number', 'string')

@@ -59,7 +59,7 @@ _COMMON_OPTIONS = ("by", "stalled")
 SHORTEST_STALL, LONGEST_STALL = 3.0, 3600.0
 """Seconds."""
 _TAKEN = frozenset({"lsl", "marks", "recorders"})
-"""Names that records use for other things that can fail."""
+"""Names that records already use for other sources of failures."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}\Z")
 _CONSENT = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _OPTION = re.compile(r"`([^`]+)`")
@@ -70,7 +70,7 @@ _Choice = TypeVar("_Choice", bound=str)
 
 
 def read_recording(study: TomlTable, folder: Path) -> RecordingSettings:
-    """Read what records a session. Empty settings if study.toml has none.
+    """Read the recorders of a session. study.toml may have none.
 
     :param study: the whole study.toml.
     :param folder: the study's folder; the setting `folder` is relative to it.
@@ -141,7 +141,7 @@ def _report_driver(table: TomlTable, settings: TomlTable, driver: str) -> None:
 
 
 def _report_options(settings: TomlTable, driver: str, name: str, options: dict[str, Any]) -> None:
-    """Report what the driver rejects, one line each, at the option with which the line begins."""
+    """Report the driver's errors, one line each, at the option with which the line begins."""
     try:
         open_recorder(driver, name, options)
     except RecorderError as error:
@@ -189,7 +189,7 @@ def _read_sync(table: TomlTable) -> SyncSettings | None:
 
 
 def read_choice(table: TomlTable, key: str, known: tuple[_Choice, ...], usual: _Choice) -> _Choice:
-    """Read one of a few words."""
+    """Read a value that must be one of a few words."""
     value: Any = table.read(key, str, usual)
     found = next((each for each in known if each == value), None)
     if found is None:
@@ -205,26 +205,26 @@ RECORDED: frozenset[Purpose] = frozenset({"counted", "pilot"})
 
 
 class RecordingDecision(Struct, frozen=True):
-    """The decision on what records a session."""
+    """The recorders of a session, as decided before it begins."""
 
     settings: RecordingSettings
-    """What runs: all of `[recording]` in study.toml, or a part."""
+    """What runs: all of `[recording]` in study.toml, or a part of it."""
     remark: str = ""
-    """Why not all of it runs, in a sentence for people and the record. Empty: all of it runs."""
+    """Why only a part runs, in a sentence for people and the record. Empty: all of it runs."""
 
 
 def decide_recording(
     study: Study, participants: Sequence[Participant], name: str, purpose: Purpose, asked: bool | None = None
 ) -> RecordingDecision:
-    """Decide what records a session, before it begins.
+    """Decide before a session begins what records it.
 
-    Markers on LSL contain nothing of a person except the course of the session, so they need no consent. All else does.
+    Markers on LSL contain only the course of the session, so they need no consent. All recorders do.
 
     :param study: the session's study.
     :param participants: from participants.csv.
     :param name: the participant; empty: nobody takes part.
     :param purpose: the purpose of the session.
-    :param asked: whether somebody asked for it (`--record`, `--no-record`); None: the purpose's default.
+    :param asked: whether it was requested (`--record`) or refused (`--no-record`); None: the purpose's default.
     """
     settings = study.recording
     nothing = RecordingSettings(folder=settings.folder, consent=settings.consent)
@@ -242,12 +242,12 @@ def decide_recording(
 
 
 def is_recording(settings: RecordingSettings) -> bool:
-    """Whether anything runs with these settings."""
+    """Whether anything is recorded or sent with these settings."""
     return bool(settings.recorders) or settings.markers is not None or settings.sync is not None
 
 
 def recording_consent_problem(study: Study, participants: Sequence[Participant], name: str) -> str:
-    """Say in a sentence why a participant may not be recorded. Empty: they may, or nobody takes part."""
+    """Return a sentence why a participant may not be recorded. Empty: they may, or there is no participant."""
     if not name:
         return ""
     found = next((each for each in participants if each.participant == name), None)
@@ -260,7 +260,7 @@ def recording_consent_problem(study: Study, participants: Sequence[Participant],
 
 
 def recorders_text(settings: RecordingSettings) -> str:
-    """List what records, for screens: `camera (ffmpeg), bag (rosbag2), markers on LSL`. Empty if nothing does."""
+    """List the recorders for screens: `camera (ffmpeg), bag (rosbag2), markers on LSL`. Empty: there are none."""
     words = [each.name if each.name == each.driver else f"{each.name} ({each.driver})" for each in settings.recorders]
     if settings.markers is not None:
         words.append("markers on LSL")
@@ -268,6 +268,6 @@ def recorders_text(settings: RecordingSettings) -> str:
 
 
 def recording_lines(decision: RecordingDecision) -> list[str]:
-    """Return the lines to show before the session begins. Empty for a study without recording."""
+    """Return the lines to show before the session begins. Empty: the study has no recording."""
     text = recorders_text(decision.settings)
     return [*([f"recorded by {text}"] if text else []), *([decision.remark] if decision.remark else [])]

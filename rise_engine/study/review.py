@@ -1,4 +1,4 @@
-"""A check of a whole study at once: its files, its scenarios and its log."""
+"""Checks a whole study at once: its files, its scenarios and its log."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ from rise_engine.study.verdict import check_results, read_verdict
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
 _OF_PLAN = frozenset({"strata", "factors", "assignment"})
-"""Tables of study.toml that other files depend on. Their errors would be reported twice."""
+"""Tables of study.toml that other files depend on. If they have errors, the other files are not checked."""
 
 
 class StudyReview(Struct, frozen=True):
     """The result of reviewing a study."""
 
     study: Study | None
-    """None: it cannot be used."""
+    """None: its study.toml has errors."""
     diagnostics: list[Diagnostic]
     """Diagnostics of study.toml, scenarios, participants, plan, log and questionnaires, each in reading order."""
     participants: tuple[Participant, ...] = ()
@@ -64,7 +64,7 @@ class StudyReview(Struct, frozen=True):
     is_planned: bool = False
     """Whether study.jsonl has a plan."""
     left_out: tuple[str, ...] = ()
-    """Files that were not checked, because tables of study.toml that they depend on have errors."""
+    """Files that were not checked because they depend on tables of study.toml that have errors."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -113,7 +113,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
 
 
 def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list[LogEntry]) -> list[Diagnostic]:
-    """Check the survey tools' files, and who took part and is missing in them."""
+    """Check the survey tools' files, and whether everybody who took part is in them."""
     found: list[Diagnostic] = []
     owners = {name: each.participant for name, each in reassignments(entries).items()}
     took_part = [
@@ -183,7 +183,7 @@ def _review_log(
 
 
 def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnostics) -> dict[str, StudySession]:
-    """Check that the sessions of the log are there, can be read, and are what other files say. Returns them by name."""
+    """Check that the log's sessions are there, are readable, and agree with other files. Returns them by name."""
     folder = Path(study.folder)
     known = {each.name: each for each in read_sessions(folder, study.id, entries)}
     for session in known.values():
@@ -261,7 +261,7 @@ def _check_holders(
 
 _KINDS = get_args(EntryKind)
 _ROUNDED = 0.001
-"""Seconds by which the log's times differ from a journal's at most."""
+"""Maximum difference in seconds between the log's times and a journal's."""
 
 
 def review_entries(
@@ -271,7 +271,7 @@ def review_entries(
     people: Iterable[Participant],
     diagnostics: Diagnostics,
 ) -> None:
-    """Check what nobody reads, what contradicts sessions, and what does not fit them.
+    """Report entries that no program reads, that contradict sessions, or that do not fit the study.
 
     :param study: the design.
     :param entries: all entries of study.jsonl.
@@ -301,8 +301,7 @@ def _check_kinds(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
 
 
 def _check_taken(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
-    """Check that the participant of each counted session had taken the session's slot, if they took any or somebody
-    else took it."""
+    """Check that the participant of each counted session had taken its slot, if any participant took it."""
     moved = {(each.get("slot"), each.get("participant")) for each in entries if each.get("instead_of")}
     takers: dict[object, dict[str, LogEntry]] = {}
     took: dict[str, LogEntry] = {}
@@ -314,7 +313,7 @@ def _check_taken(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
             names = takers.get(slot, {})
             if name in names or (slot, name) in moved or any(other.startswith(WITHDRAWN_PREFIX) for other in names):
                 continue
-            moved.add((slot, name))  # told once
+            moved.add((slot, name))  # report it once
             other, taken = list(names.items())[-1] if names else (name, took[name])
             message = (
                 f"it says that {other} took slot {taken.get('slot')}, but {each.get('folder')}, the session of {name}, "
@@ -353,7 +352,7 @@ def _check_consent(
 
 
 def _check_told(session: StudySession, entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
-    """Check the results of checks and the length that the log repeats from a session's journal."""
+    """Check the results of checks and the lengths that the log copies from the journals."""
     told = [each for each in entries if session.name in (each.get("folder"), each.get("session"))]
     for begun in (each for each in told if each.kind == "session" and each.get("checks")):
         recorded = check_results(session.path)
@@ -369,6 +368,6 @@ def _check_told(session: StudySession, entries: Sequence[LogEntry], diagnostics:
     seconds = outcome.get("seconds") if outcome is not None else None
     if outcome is not None and isinstance(seconds, float | int) and seconds:
         end = read_verdict(session.path).seconds
-        if seconds < end - _ROUNDED:  # an earlier end of the journal is another label
+        if seconds < end - _ROUNDED:  # a journal that ends earlier is reported by `session_differences`
             message = f"it says {seconds:.3f} s, but {JOURNAL} of {session.name} ends at {end:.3f} s"
             diagnostics.warning("other-result", SourceLocation(LOG_FILE, outcome.line), message)

@@ -1,8 +1,8 @@
-"""The session folders of a study, and the entries that a killed program did not write to its log (`study.jsonl`).
+"""The session folders of a study, and entries that a killed program did not write to the log (`study.jsonl`).
 
-The folder decides about a session: its `session.toml`, the start and end of its journal, and the outcome in it.
+The folder has the truth about a session: its `session.toml`, and its journal with the start, the end and the outcome.
 `missing_entries` compares this with the log. The next program that opens the study writes the missing entries under the
-log's lock, so that a kill at any moment loses nothing.
+log's lock, so that no kill loses anything.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rise_engine.study.traces import is_withdrawn, returned_sessions
 from rise_engine.study.verdict import read_checks, read_verdict
 
 GIVEN_UP = "its engine had gone, and it was given up"
-"""The reason for aborting a session that nobody continued."""
+"""The reason for the outcome of a session that was not continued."""
 
 
 MOVED_AWAY = "is not in the study's sessions any more"
@@ -40,26 +40,24 @@ NO_JOURNAL = (
 
 
 class StudySession(Struct, frozen=True):
-    """A session of the study, with details from its folder."""
-
     entry: SessionEntry
     path: Path
     info: SessionInfo | None
-    """None: nothing of what happened can be read (`missing`)."""
+    """None: its record is not readable (`missing`)."""
     missing: str = ""
     """Why only the log or session.toml has it: `MOVED_AWAY`, `NO_JOURNAL`, or `cannot be read: ...`."""
     abandoned: bool = False
-    """Whether somebody decided not to continue it."""
+    """Whether a person decided not to continue it."""
     left_open: bool = False
-    """Whether its engine is gone without ending it, also if it was judged later."""
+    """Whether its engine has gone without ending it, also if it was judged later."""
     reassigned: Reassignment | None = None
     """Its new participant, if the log has reassigned it."""
     differences: tuple[str, ...] = ()
-    """Sentences on what session.toml or the log say differently from its journal, which counts."""
+    """Sentences on contradictions between its journal, which counts, and session.toml or the log."""
 
     @property
     def without_end(self) -> str:
-        """Says that it counts as complete although its record has no end. Empty: this is not so."""
+        """A remark that it counts as complete although its record has no end. Empty: this is not so."""
         if self.entry.outcome != "complete" or self.entry.purpose != "counted" or not self.left_open:
             return ""
         return "counts as complete, and its record has no end: its engine had gone, or the end of its journal is lost"
@@ -78,13 +76,13 @@ class MissingEntry(NamedTuple):
 
 
 def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[StudySession]:
-    """Return every session of the study, in the order in which they began. Some may only be in the log.
+    """Return all sessions of the study in the order of their starts. Some may only be in the log.
 
-    Folders without any input, whose engines were killed at once, are not sessions, and neither are copies and sessions
-    of participants who have withdrawn. A journal that was lost later does not make a session vanish: it is `missing`.
+    Not included are folders without any input (their engine was killed immediately), copies, and sessions of
+    participants who have withdrawn. A session whose journal was lost later is included, as `missing`.
 
     :param folder: the study's folder.
-    :param study_id: folders of other studies are left out, unless the log names them.
+    :param study_id: folders of other studies are omitted, unless the log names them.
     :param log: the study's log; its outcomes count.
     """
     outcomes: dict[str, list[LogEntry]] = {}
@@ -103,7 +101,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
             continue
         try:
             info = read_info(path, compare=False)
-        except SessionError as error:  # only the log can describe it
+        except SessionError as error:  # then only the log can describe it
             unreadable[path.name] = f"cannot be read: {error}"
             continue
         told = about.get(path.name, ())
@@ -128,7 +126,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
             if not is_withdrawn(session.entry.participant, log):
                 found[name] = session
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
-    places = {name: place for place, name in enumerate(begun)}  # the only order where dates are removed
+    places = {name: place for place, name in enumerate(begun)}  # the only known order if dates are removed
     return sorted(
         found.values(),
         key=lambda each: (_timestamp(each.entry.started), places.get(each.name, len(places)), each.name),
@@ -143,7 +141,7 @@ def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession
 
 
 def _timestamp(started: str) -> float:
-    """Return seconds since 1970. When clocks are set back, the order of the texts is not the order of the moments."""
+    """Return seconds since 1970. ISO texts with different offsets do not sort by time."""
     try:
         return datetime.fromisoformat(started).timestamp()
     except ValueError:
@@ -151,11 +149,10 @@ def _timestamp(started: str) -> float:
 
 
 def _nothing_happened(path: Path, told: Iterable[LogEntry]) -> bool:
-    """Whether the engine of a session without any input was killed at once.
+    """Whether the engine was killed before any input. Then no time was noted, and the log has at most the session's
+    start.
 
-    It leaves a journal without inputs. The log has at most that the session began, and no time was noted.
-
-    :param told: what the log says about the session.
+    :param told: the log's entries about the session.
     """
     kinds = {each.kind for each in told}
     return kinds <= {"session"} and (not kinds or (path / JOURNAL).is_file()) and read_clock(path) < 1
@@ -182,7 +179,6 @@ def _entry_of(path: Path, info: SessionInfo, status: Literal["running", "unfinis
 
 
 def _from_log(folder: Path, session: LogEntry, outcomes: Sequence[LogEntry], missing: str) -> StudySession:
-    """Describe a session whose folder was moved away or cannot be read."""
     slot = session.get("slot")
     entry = SessionEntry(
         participant=_text(session, "participant"),
@@ -220,8 +216,8 @@ def _with_outcome(entry: SessionEntry, outcomes: Sequence[LogEntry]) -> SessionE
 def missing_entries(
     sessions: Iterable[StudySession], log: Sequence[LogEntry], after: Collection[str] = ()
 ) -> list[MissingEntry]:
-    """List what the folders show and the log lacks, in the order in which it happened: that sessions began and hold a
-    slot, checks after them, and outcomes. A session that was judged before its engine vanished is over.
+    """List the entries that the log lacks according to the folders, in order: starts of sessions, taken slots, checks
+    after sessions, and outcomes. A session that was judged before its engine died is over.
 
     :param sessions: from `read_sessions`.
     :param log: all entries.
@@ -290,7 +286,7 @@ def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
 
 
 def checked_fields(report: CheckReport, when: str, purpose: Purpose) -> dict[str, Json]:
-    """Return the fields of the log's entry of a check. Those of the participant and the session follow them."""
+    """Return the fields of the log's entry of a check. The caller appends the participant and the session."""
     return {
         "id": report.id,
         "when": when,
@@ -319,19 +315,19 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
 
 
 def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> None:
-    """Make sure that no engine has a session that somebody gives up or judges, also on another computer, whose locks
-    may be invisible here.
+    """Make sure that no engine, also on another computer, has a session that is to be given up or judged. Locks of
+    other computers may be invisible here.
 
     :param session: a session that did not end.
     :param here: a person has confirmed that it no longer runs on the other computer.
-    :raises SessionError: an engine has it, or may have it; the text says which.
+    :raises SessionError: an engine has it, or may have it.
     """
     if session.left_open:
         JournalLock(session.path / JOURNAL, here=here).release()
 
 
 def given_up_fields(session: StudySession) -> dict[str, Json]:
-    """Return the log's fields for a session that nobody continues: its journal's outcome, or else aborted."""
+    """Return the log's fields for a session that was given up: its journal's outcome, or else aborted."""
     verdict = read_verdict(session.path)
     report = verdict.report or OutcomeReport(status="aborted", reason=GIVEN_UP)
     return outcome_fields(session.entry, report, verdict.seconds)

@@ -1,8 +1,8 @@
 """The progress of a study: its plan compared with its log and its session folders. Reads and writes no files.
 
-The rules: A participant takes the first free row of their stratum and keeps it. A row is free when nobody holds it, or
-when its holder is excluded or withdrawn. A run counts when one of its sessions is complete. After an aborted session,
-it may be run again. Sessions that are not `counted` never take a row and never count.
+The rules: A participant takes the first free row of their stratum and keeps it. A row is free if it has no holder, or
+if its holder is excluded or withdrawn. A run counts when one of its sessions is complete. After an aborted session, it
+may be run again. Sessions that are not `counted` never take a row and never count.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ BEGINNABLE: frozenset[ParticipantState] = frozenset({"waiting", "to-go-on", "abo
 
 
 class Places(Struct):
-    """The holders of the plan's rows, and the participants who are out."""
+    """The holders of the plan's rows, and the participants who no longer count."""
 
     slots: dict[str, int]
     """The row that each participant holds."""
     levels: dict[int, dict[str, str]]
-    """The between levels of rows for which they are drawn when the row is taken."""
+    """The between levels of rows, if they are drawn when the row is taken."""
     excluded: dict[str, str]
     """Excluded participants with the reasons."""
     withdrawn: frozenset[str]
@@ -65,9 +65,10 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
 
 
 def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> Places:
-    """Determine who holds which row, and who is out.
+    """Determine the holder of each row, and who no longer counts.
 
-    A participant whose row was given to another stays out, even if their exclusion is taken back: nobody changes rows.
+    An excluded participant whose row has another holder stays out, even if the exclusion is undone: rows are not
+    exchanged.
 
     :param participants: the rows of participants.csv.
     :param log: all entries of the log, with `missing_entries`.
@@ -92,7 +93,7 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
         if each.kind == "taken":
             slot, participant = int(each.get("slot") or 0), str(each.get("participant"))
             last_taken[participant], takers[slot] = slot, participant
-            last_taken.pop(str(each.get("instead_of")), None)  # the session was this other participant's
+            last_taken.pop(str(each.get("instead_of")), None)  # the former participant of the session
             levels[slot] = {str(name): str(level) for name, level in dict(each.get("levels") or {}).items()}
     for participant, slot in last_taken.items():
         if takers[slot] != participant and participant not in withdrawn:
@@ -118,7 +119,7 @@ def study_standing(
     :param plan: the rows in their order; empty: there is no plan yet.
     :param log: all entries of the log, with `missing_entries`.
     :param sessions: from `rise_engine.study.sessions.read_sessions`.
-    :param problems: sentences on what blocks every session; they come first among the tasks that are due.
+    :param problems: sentences on what blocks all sessions; they come first among the tasks that are due.
     """
     places = places_of(participants, log)
     entries = tuple(each.entry for each in sessions)
@@ -243,7 +244,7 @@ def _next_of(standings: Sequence[ParticipantStanding]) -> str:
 
 
 def _levels_run(study: Study, sessions: Sequence[StudySession]) -> dict[str, dict[str, str]]:
-    """Return the between levels of each participant's counted sessions, as the last journal has them."""
+    """Return the between levels of each participant's counted sessions, from the latest journal."""
     between = [factor.name for factor in study.factors if factor.kind == "between"]
     found: dict[str, dict[str, str]] = {}
     for each in sessions:
@@ -259,7 +260,7 @@ def _cells(
     standings: Sequence[ParticipantStanding],
     levels_run: Mapping[str, Mapping[str, str]],
 ) -> tuple[CellStanding, ...]:
-    """Count the participants in each cell: those with sessions by what they ran, the others by the plan.
+    """Count the participants in each cell: those with sessions by their journals, the others by the plan.
 
     :param levels_run: the between levels of each participant with sessions.
     """
@@ -271,7 +272,7 @@ def _cells(
         stratum = tuple(row.strata.items())
         rows[stratum] += 1
         levels = row.levels or places.levels.get(row.slot, {})
-        if not between or levels:  # else the cell is not known yet
+        if not between or levels:  # otherwise the cell is not known yet
             count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
             count[2] += not row.strata and rows[stratum] <= study.n and (not between or bool(row.levels))
         if (holder := by_slot.get(row.slot)) is not None:

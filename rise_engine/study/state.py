@@ -1,7 +1,7 @@
-"""The current state of a study: its files, and its log compared with its session folders, in one value.
+"""The current state of a study: its files, and its log compared with its session folders.
 
-`read_state` only reads. `OpenStudy` holds the log's lock and writes the entries that a killed program missed. Make
-decisions, and write them, within it.
+`read_state` only reads. `OpenStudy` holds the log's lock and writes entries that a killed program missed. Make and
+write decisions within it.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from rise_engine.study.study_toml import is_study, load_study
 from rise_engine.study.traces import interrupted_withdrawals, is_withdrawn, registered_recordings, returned_sessions
 
 NAMED = 3
-"""The most names that a sentence lists; it counts the others."""
+"""Maximum number of names that a sentence lists; it counts the others."""
 
 
 def due_retention(study: Study, sessions: Iterable[StudySession], today: date) -> list[str]:
-    """List data in sentences that should be deleted by today and still exist.
+    """List, in sentences, data that should be deleted by today and still exist.
 
     :param study: the checked design; `retention` has the days for `media` and `sessions`.
     :param sessions: from `rise_engine.study.sessions.read_sessions`.
@@ -79,29 +79,28 @@ class StudyFiles(Struct, frozen=True):
 
 
 class StudyStatus(StudyFiles, frozen=True, kw_only=True):
-    """Everything that is known of a study at one moment."""
+    """The state of a study at one moment."""
 
     log: tuple[LogEntry, ...]
-    """All entries, including those that the session folders add."""
+    """All entries, including those derived from the session folders."""
     sessions: tuple[StudySession, ...]
     places: Places
     standing: StudyStanding
     problems: tuple[str, ...] = ()
-    """Sentences on what blocks every session that counts."""
+    """Sentences on what blocks all sessions that count."""
     interrupted: tuple[str, ...] = ()
     """Sentences on withdrawals that have not erased everything (`interrupted_withdrawals`)."""
     damaged: tuple[str, ...] = ()
-    """Sentences on lines of the log that cannot be read, so that everything here may be wrong."""
+    """Sentences on unreadable lines of the log, because of which everything here may be wrong."""
 
     @property
     def returned(self) -> dict[str, str]:
-        """Sentences on sessions of participants who have withdrawn, which are there again, by folder. They are not in
-        `sessions`."""
+        """Sentences on folders of withdrawn participants that are there again, by folder. `sessions` lacks them."""
         return returned_sessions(Path(self.study.folder), self.log)
 
     @property
     def repeated(self) -> dict[str, str]:
-        """Sentences on sessions that another one precedes with the same participant, run and attempt, by folder."""
+        """Sentences on repetitions of the same participant, run and attempt, by folder."""
         return repeated_sessions(each.entry for each in self.sessions if not each.missing)
 
     @property
@@ -113,7 +112,7 @@ class StudyStatus(StudyFiles, frozen=True, kw_only=True):
         return tuple(each for each in named if not is_withdrawn(each, self.log))
 
     def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
-        """Return the state as it would be with these outcomes in the log."""
+        """Return the state as if these outcomes were in the log."""
         supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
         return _state(self, [*self.log, *supposed]) if supposed else self
 
@@ -129,8 +128,8 @@ class StudyStatus(StudyFiles, frozen=True, kw_only=True):
         return next((each.state for each in self.standing.participants if each.participant == participant), None)
 
     def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
-        """Return the between levels of a row: from the plan, drawn when it was taken, or as they would be drawn now
-        for this participant (None: for anybody)."""
+        """Return the between levels of a row: planned, drawn when it was taken, or as this participant would now draw
+        them (None: any participant)."""
         if row.levels or self.study.assignment.between != "minimise":
             return dict(row.levels)
         drawn = self.places.levels.get(row.slot)
@@ -186,7 +185,7 @@ class OpenStudy:
         :raises FileError: the study's files have errors.
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
-        if not is_study(self.folder):  # do not make a log where there is no study
+        if not is_study(self.folder):  # do not make a log in a folder that is not a study
             raise FileError(*map(str, load_study(self.folder).errors))
         self.log.__enter__()
         try:
@@ -202,12 +201,12 @@ class OpenStudy:
         self.log.__exit__(kind, error, trace)
 
     def _reconcile(self, files: StudyFiles) -> None:
-        """Write the entries that the session folders show and the log lacks."""
+        """Write the entries that the log lacks according to the session folders."""
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
         for missing in missing_entries(sessions, entries, _after(files.study)):
             self.log.append(missing.kind, **missing.fields)
-        for session in sessions:  # judged while unfinished: do not ask about it again
+        for session in sessions:  # judged while unfinished: do not ask for the outcome again
             if session.left_open and session.entry.outcome is not None and not session.abandoned:
                 mark_abandoned(session.path)
         self.state = _state(files, self.log.entries())
@@ -258,7 +257,7 @@ def _read_files(folder: Path) -> StudyFiles:
 
 
 def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
-    """Say why no session that counts can begin."""
+    """Return why no session that counts can begin."""
     problems: list[str] = []
     if files.study.mode == "debug":
         problems.append('study.toml says mode = "debug": with a simulated robot no session counts')

@@ -1,8 +1,8 @@
 """study.jsonl: the events of a study, one JSON object a line, appended and never changed (docs/reference/study.md).
 
-Programs lock the file to write, so that two that begin a session at once see each other's entries. A program that is
-killed while writing leaves half a line. The next program moves it to another file, and finds its contents again in the
-session folders.
+Programs lock the file to write, so that two that begin a session simultaneously see each other's entries. A program
+that is killed while writing leaves half a line. The next program moves it to another file and recovers its contents
+from the session folders.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ WITHDRAWN_PREFIX = "withdrawn:"
 WRITTEN = ("reason", "text", "value")
 """Fields with text that people wrote."""
 _SOURCE = "source"
-"""A field that names whose doing it was: `wizard:anna`, or a program's own word."""
+"""The field with the author of an action: `wizard:anna`, or a word for a program."""
 EntryKind: TypeAlias = Literal[
     "planned",
     "taken",
@@ -48,22 +48,22 @@ EntryKind: TypeAlias = Literal[
     "written",
 ]
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
-"""How long to wait for another program that is writing, which takes milliseconds."""
+"""Seconds to wait for another program's lock, which it holds for milliseconds, and between attempts."""
 
 
 class StudyLogError(StudyError):
-    """The study's log cannot be read or written; the text says why."""
+    """The study's log cannot be read or written."""
 
 
 class LogEntry(Struct, frozen=True):
     """One line of the log."""
 
     kind: str
-    """An EntryKind. Newer programs may write others."""
+    """An EntryKind, or one of a newer program."""
     at: str
-    """When it was written, ISO 8601 with offset."""
+    """When it was written (ISO 8601 with offset)."""
     fields: dict[str, Json]
-    """All further fields."""
+    """All other fields."""
     line: int
     """The number of its line, from 1."""
 
@@ -95,10 +95,10 @@ def _change_written(value: Any, change: Callable[[str], str], name: str, sources
 
 
 def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEntry]:
-    """Read every entry of a study's log in its order. Empty where there is no log.
+    """Read all entries of a study's log in their order. Empty: there is no log.
 
-    A torn last line is left out with a warning; the next program that writes moves it away. Other lines that are not
-    entries are left out with an error.
+    A torn last line is omitted with a warning; the next program that writes moves it away. Other invalid lines are
+    omitted with an error.
 
     :param folder: the study's folder.
     :param diagnostics: gets the problems; None: they are ignored.
@@ -122,9 +122,9 @@ def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEn
 
 
 def read_log_and_damage(folder: Path) -> tuple[list[LogEntry], list[str]]:
-    """Read a study's log, and a sentence for each line that is not an entry.
+    """Read a study's log, with a sentence for each invalid line.
 
-    What follows from the readable lines may be wrong without the others, so whoever uses them tells these sentences.
+    Conclusions from the other lines may be wrong, so callers must show these sentences.
 
     :raises StudyLogError: it cannot be read.
     """
@@ -138,7 +138,7 @@ def read_log_and_damage(folder: Path) -> tuple[list[LogEntry], list[str]]:
 
 
 def read_kept_log(folder: Path) -> Sequence[LogEntry]:
-    """Do the same as `read_log`, but keep the result until the file changes, for callers that ask repeatedly.
+    """Return the result of `read_log`, cached until the file changes.
 
     :raises StudyLogError: it cannot be read.
     """
@@ -151,7 +151,7 @@ def _read_kept(folder: Path, stamp: tuple[int, int]) -> Sequence[LogEntry]:
 
 
 def file_stamp(path: Path) -> tuple[int, int]:
-    """Return the time of a file's last change and its size, to notice changes. Zeros when it does not exist."""
+    """Return the modification time (ns) and size of a file, to notice changes. Zeros: it does not exist."""
     try:
         found = path.stat()
     except OSError:
@@ -195,7 +195,7 @@ class LockedLog:
     """The log of a study, locked against other programs. Hold it for milliseconds only.
 
     Within `with LockedLog(folder) as log:`, `log.entries()` has all entries, and `log.append` writes one. A missing log
-    is made.
+    is created.
 
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
@@ -208,7 +208,7 @@ class LockedLog:
     def __init__(self, folder: Path, now: Callable[[], datetime] | None = None, disk: Disk | None = None) -> None:
         """
         :param folder: the study's folder.
-        :param now: the time of day with its zone; None: the computer's.
+        :param now: the time of day with its zone; None: the system time.
         :param disk: for tests that let it fail.
         """
         self.folder = folder
@@ -245,7 +245,6 @@ class LockedLog:
         return list(self._entries)
 
     def now_text(self) -> str:
-        """Return the current time as entries have it."""
         return self._now().isoformat(timespec="milliseconds")
 
     def append(self, kind: EntryKind, **fields: Json) -> LogEntry:
@@ -270,7 +269,7 @@ class LockedLog:
         return entry
 
     def rewrite(self, entries: Sequence[LogEntry]) -> None:
-        """Replace all entries, for a participant's right to erasure.
+        """Replace all entries, to erase a participant's data.
 
         :param entries: all new entries in order; their lines are numbered again.
         :raises StudyLogError: it cannot be written; then nothing has changed.
@@ -281,7 +280,7 @@ class LockedLog:
         try:
             new.unlink(missing_ok=True)
             descriptor = self._disk.open(new, create=True)
-            _try_lock(descriptor)  # before any other program can know of it
+            _try_lock(descriptor)  # lock it before any other program can know it
             self._disk.write(descriptor, data, 0)
             self._disk.sync(descriptor)
             new.replace(self.path)
@@ -333,7 +332,7 @@ class LockedLog:
             self._end += 1
         self._lines = data[: self._end].count(b"\n")
         if not data:
-            self._disk.sync_folder(self.folder)  # so that the name of a new log survives too
+            self._disk.sync_folder(self.folder)  # makes the name of a new log survive a power cut, too
 
     def _set_aside(self, torn: bytes) -> None:
         """Move an incomplete line to another file."""
@@ -350,8 +349,8 @@ class LockedLog:
         self._disk.sync(self._descriptor)
 
     def _cut_off(self) -> None:
-        """Remove the written part of an entry that could not be written whole."""
-        with suppress(OSError):  # else it is a torn line, which the next program moves away
+        """Remove the written part of an incomplete entry."""
+        with suppress(OSError):  # otherwise it is a torn line, which the next program moves away
             os.ftruncate(self._descriptor, self._end)
 
     def _close(self) -> None:
@@ -361,7 +360,7 @@ class LockedLog:
 
 
 def _try_lock(descriptor: int) -> bool:
-    """Try to take the lock. True also where a file system has no locks."""
+    """Try to take the lock. Returns True also if the file system has no locks."""
     try:
         return take_lock(descriptor)
     except OSError as error:

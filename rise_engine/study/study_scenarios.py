@@ -1,6 +1,7 @@
-"""The scenarios of a study, and `[factors.NAME]` of study.toml, whose levels set memory values in them or choose one.
+"""The scenarios of a study, and `[factors.NAME]`, whose levels set memory values or choose a scenario.
 
-Scenarios are loaded as the sessions will load them."""
+Scenarios are loaded as the sessions will load them.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +76,7 @@ def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario],
 
 
 def _is_used(study: Study) -> bool:
-    """Whether any session runs the study's own scenario. Not if a factor chooses one in each of its levels."""
+    """Whether any session runs the study's own scenario, because some level chooses no other."""
     return not any(factor.levels and all(level.scenario for level in factor.levels) for factor in study.factors)
 
 
@@ -137,7 +138,7 @@ def _is_misspelt(table: TomlTable, key: str) -> bool:
 
 
 def _has_unknown_keys(table: TomlTable) -> bool:
-    """Whether a level has a misspelt key that may hold what it sets."""
+    """Whether a level has a misspelt key, so that its effect is unknown."""
     levels = table.values.get("levels", {})
     values = levels.values() if isinstance(levels, dict) else ()
     return any(isinstance(each, dict) and each.keys() - set(_LEVEL_KEYS) for each in values)
@@ -198,7 +199,7 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
 
 
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
-    """Report levels in which the robot does the same, so that the condition would be only a label."""
+    """Report levels without a difference in the robot's behaviour: their condition would be only a label."""
     for at, level in enumerate(levels):
         same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
         if same is not None:
@@ -210,12 +211,12 @@ def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
 
 
 def what_it_does(level: Level) -> tuple[str, bytes]:
-    """Return a value that is equal for levels in which the robot does the same. `1` and `true` differ."""
+    """Return a value that is equal for levels with the same robot behaviour. `1` and `true` differ."""
     return level.scenario, encode(level.memory, order="sorted")
 
 
 def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:
-    """Report what two factors both set, because neither has priority."""
+    """Report a key that two factors set, because neither has priority."""
     setters: dict[str, str] = {}
     for factor in factors:
         keys = dict.fromkeys(key for level in factor.levels for key in level.memory)
@@ -250,7 +251,7 @@ def check_levels(study: Study, table: TomlTable, scenarios: Mapping[str, Scenari
 
 
 def _check_reads(table: TomlTable, study: Study, factor: Factor, scenarios: Mapping[str, Scenario]) -> None:
-    """Warn of values of levels that no scenario reads: the condition would be only a label."""
+    """Warn of level values that no scenario reads: their condition would be only a label."""
     names = (name for level in factor.levels for name in _scenarios_of(study, factor, level))
     folders = [scenario_folder(study, name) for name in dict.fromkeys(names)]
     if any(each not in scenarios for each in folders) or table.values["factors"][factor.name].get("label_only") is True:
@@ -269,7 +270,7 @@ def _check_reads(table: TomlTable, study: Study, factor: Factor, scenarios: Mapp
 
 
 def memory_key_problem(scenario: Scenario, key: str) -> str:
-    """Say why a value set under this key before a session would have no effect. Empty: it has one."""
+    """Return why a value set under this key before a session would have no effect. Empty: it has one."""
     head = _head(key)
     if head in scenario.tables:
         return f"`{head}` is a table, tables/{head}.csv; nothing sets it"
@@ -283,7 +284,7 @@ def memory_key_problem(scenario: Scenario, key: str) -> str:
 
 
 def memory_type_problem(scenario: Scenario, key: str, value: Json) -> str:
-    """Say that a value differs in type from the key's start value. Empty: it does not."""
+    """Report a value that differs in type from the key's start value. Empty: it does not."""
     start = lookup(scenario.memory, key)[1]
     if start is None or value is None or _kind(start) == _kind(value):
         return ""
@@ -291,7 +292,7 @@ def memory_type_problem(scenario: Scenario, key: str, value: Json) -> str:
 
 
 def _scenarios_of(study: Study, factor: Factor, level: Level) -> Iterator[str]:
-    """Give the scenarios that can run in this level, as named in study.toml."""
+    """Give the scenarios, as named in study.toml, that can run in this level."""
     if level.scenario:
         yield level.scenario
         return

@@ -69,7 +69,7 @@ class StudyLoad(Struct, frozen=True):
     draft: Study | None = None
     """What could be read despite errors, for checks of other files. None: nothing."""
     n_location: SourceLocation = SourceLocation(STUDY_FILE)
-    """Where study.toml gives the number of participants."""
+    """The place of the number of participants in study.toml."""
     unsure: frozenset[str] = frozenset()
     """The keys and tables of study.toml that have errors, so that their meaning is unknown."""
 
@@ -91,7 +91,7 @@ def load_study(folder: str | os.PathLike[str], *, check_scenarios: bool = True, 
         second for each.
     :param held: contents that are used instead of the files on the disk, by file name.
     :return: the checked study with its warnings, or no study and all errors, each with file, line, column and a
-        sentence. No content of the files raises an exception, nor does an unreadable file.
+        sentence. Neither the contents of files nor unreadable files raise an exception.
     """
     path = Path(folder)
     path = path.parent if path.name == STUDY_FILE else path
@@ -126,7 +126,7 @@ def _load(folder: Path, held: Held | None, *, check_scenarios: bool) -> StudyLoa
 
 
 def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[str]:
-    """Return the top keys that have errors, by their lines. A misspelt key counts as the intended one."""
+    """Return the top-level keys that have errors. A misspelt key counts as the intended one."""
     starts: dict[int, str] = {}
     for key, value in table.values.items():
         meant = key if key in TOP_KEYS else nearest_name(key, TOP_KEYS) or key
@@ -310,7 +310,7 @@ class _StudyReader:
         return tuple(dict.fromkeys(needed))
 
     def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:
-        """Return the further columns with their descriptions, which are empty if the columns are a list."""
+        """Return the further columns with their descriptions, which are empty if `columns` is a list."""
         table = self.table.section("participants", ("columns",))
         described = table.values.get("columns")
         if isinstance(described, dict):
@@ -385,7 +385,7 @@ class _StudyReader:
 
 
 def _values_problem(values: tuple[str, ...]) -> str:
-    """Say what is wrong with the values of a stratum, as the end of a sentence, or return an empty text."""
+    """Return what is wrong with the values of a stratum, as the end of a sentence, or an empty text."""
     for at, value in enumerate(values):
         if value != value.strip() or not value.isprintable() or "/" in value or "=" in value:
             return f"has the value `{value}`; a value has no `/` and no `=` in it, and no blanks around it"

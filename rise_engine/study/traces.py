@@ -1,9 +1,10 @@
-"""The traces of one participant in a study, and what remains of participants who have withdrawn.
+"""The traces of one participant in a study, and the remaining entries of participants who have withdrawn.
 
-Traces are session folders, recordings that these have registered (in their record or in media.json), and places with
-the pseudonym. What remains is a salted hash in study.jsonl, and rows of `anonymous.csv` if they agreed. The hash only
-tells whether a new participant has withdrawn before. With the salt, somebody could find the pseudonym by trying all. So
-the salt stays in the study's folder and is removed from every study.jsonl for others (`without_salts`)."""
+Traces are session folders, their registered recordings (in the record or in media.json), and places with the pseudonym.
+A salted hash in study.jsonl remains, and rows of `anonymous.csv` if they agreed. The hash only shows whether a new
+participant has withdrawn before. With the salt, all pseudonyms could be tried, so it is removed from every study.jsonl
+for others (`without_salts`).
+"""
 
 from __future__ import annotations
 
@@ -37,11 +38,11 @@ from rise_engine.study.labels import SESSIONS, read_study_id, reassignment_of, s
 from rise_engine.study.study_log import LOG_FILE, WITHDRAWN_PREFIX, LogEntry
 
 WORK_FOLDER = ".withdrawing"
-"""A folder in the study's folder, while data are being erased."""
+"""A folder in the study's folder while data are being erased."""
 LIST_FILE = "list.json"
-"""In a folder of it, the list of what to erase."""
+"""The list of data to erase, in a subfolder of it."""
 MANIFEST_FILE = "manifest-sha256.txt"
-"""The checksums of a bundle (`results.bundle`). Nobody may write into a study's folder that has them."""
+"""The checksums of a bundle (`results.bundle`). A study's folder with this file must not be changed."""
 
 
 def study_of_session(session: Path) -> Path | None:
@@ -65,7 +66,7 @@ def questionnaire_files(study: Path) -> set[str]:
 
 
 def _written(study: Path, table: str) -> dict[str, Any]:
-    """Read a table of study.toml unchecked. Empty where there is none."""
+    """Read a table of study.toml unchecked. Empty: there is none."""
     try:
         found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get(table)
     except (OSError, ValueError):
@@ -74,7 +75,7 @@ def _written(study: Path, table: str) -> dict[str, Any]:
 
 
 def folders_in(sessions: Path) -> list[Path]:
-    """Return the folders in a folder, sorted. Empty where there is none."""
+    """Return the subfolders of a folder, sorted. Empty: there is none."""
     try:
         return sorted(Path(each.path) for each in os.scandir(sessions) if each.is_dir(follow_symlinks=False))
     except OSError:
@@ -85,7 +86,7 @@ def interrupted_withdrawals(study: Path, besides: Path | None = None) -> list[st
     """Return a sentence for each withdrawal in a study's folder that has not erased everything.
 
     :param study: the study's folder.
-    :param besides: the folder of a withdrawal that is left out.
+    :param besides: the folder of a withdrawal that is omitted.
     """
     return [
         f"a withdrawal was interrupted: their data are still in {WORK_FOLDER}/{work.name}; `rise-engine study withdraw "
@@ -96,8 +97,8 @@ def interrupted_withdrawals(study: Path, besides: Path | None = None) -> list[st
 
 
 def owner_of(folder: Path) -> str:
-    """Return a session's participant, or an empty text if unknown. Sources, in this order: a reassignment in the
-    study's log, session.toml with the journal's labels, the journal, the folder's name."""
+    """Return a session's participant, or an empty text. Sources in this order: the reassignment in the study's log,
+    session.toml with the journal's labels, the journal, the folder's name."""
     if (moved := reassignment_of(folder)) is not None:
         return moved.participant
     try:
@@ -113,11 +114,11 @@ def owner_of(folder: Path) -> str:
 
 
 def other_study_of(study: Path, folder: Path, log: Iterable[LogEntry]) -> str:
-    """Return the id of the other study to which a session's folder belongs. Empty: it is this study's, or nobody knows.
+    """Return the id of the other study to which a session's folder belongs. Empty: this study, or unknown.
 
     :param study: the study's folder.
     :param folder: the session's folder.
-    :param log: the study's log; what it names is the study's own, also when its id was changed.
+    :param log: the study's log; sessions in it are the study's own, even if its id was changed.
     """
     try:
         recorded = read_info(folder, compare=False).study
@@ -129,11 +130,11 @@ def other_study_of(study: Path, folder: Path, log: Iterable[LogEntry]) -> str:
 
 
 def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
-    """Find sessions of participants who have withdrawn, which a backup, a synchronised copy or a link brings back.
+    """Find sessions of withdrawn participants that a backup, a synchronised copy or a link has restored.
 
     :param study: the study's folder.
     :param log: the study's log.
-    :return: a sentence for each on what to do, by the folder's name.
+    :return: a sentence on what to do for each, by the folder's name.
     """
     withdrawn = [each for each in log if each.kind == "withdrawn"]
     if not withdrawn:
@@ -143,7 +144,7 @@ def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
     known = {name for name, owner in owners.items() if not is_withdrawn(owner, withdrawn)}
     for folder in session_folders(study):
         if folder.name in known:
-            continue  # the log names no session of theirs, unless an earlier version of the program wrote it
+            continue  # the log names no session of theirs, except one of an earlier version of the program
         if is_withdrawn(owner_of(folder), withdrawn) and not other_study_of(study, folder, log):
             linked = f"erase their data in {folder.resolve()}, and this link" if folder.is_symlink() else ""
             erase = "`rise-engine study withdraw STUDY PSEUDONYM`, with theirs, erases it"
@@ -173,7 +174,7 @@ def recording_hashes(folder: Path, path: str) -> list[str]:
 
 
 def why_media_unknown(folder: Path) -> str:
-    """Say why a session's media.json cannot be read. Empty when it can, or when there is none."""
+    """Return why a session's media.json cannot be read. Empty: it is readable or missing."""
     try:
         read_media(folder)
     except SessionError as error:
@@ -198,7 +199,7 @@ def _recorded(folder: Path) -> tuple[str, ...]:
 
 @lru_cache(maxsize=1_000)
 def _recorded_in(folder: Path, changed: int) -> tuple[str, ...]:
-    """Read the recordings in a journal. Cached while the journal is unchanged, because studies are read repeatedly."""
+    """Read the recordings in a journal. Cached while the journal is unchanged."""
     found: dict[str, None] = {}
     for line in _readable_lines(folder):
         said = line.input if isinstance(line, InputLine) else line
@@ -222,7 +223,7 @@ def _readable_lines(folder: Path) -> Iterator[JournalLine]:
 
 
 def find_names(study: Path, participant: str) -> list[str]:
-    """List in sentences where a pseudonym is still in a study's folder, and what to do about it."""
+    """List, in sentences, where a study's folder still has a pseudonym, and what to do about it."""
     found = []
     theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
     folders = [each.name for each in folders_in(study / SESSIONS)]
@@ -232,7 +233,7 @@ def find_names(study: Path, participant: str) -> list[str]:
 
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
-        if name.parts[0] == WORK_FOLDER:  # it will be erased, or its withdrawal reports why not
+        if name.parts[0] == WORK_FOLDER:  # its withdrawal erases or reports it
             continue
         if has_name(path.name, participant):
             kept = _was_run_under(study, name, participant)
@@ -240,7 +241,7 @@ def find_names(study: Path, participant: str) -> list[str]:
         if path.is_symlink() or not path.is_file():
             continue
         lines = lines_naming(path, participant)
-        if lines and str(name) == LOG_FILE:  # the names of their folders are told above
+        if lines and str(name) == LOG_FILE:  # the names of their folders are already listed
             lines = lines_with(path, is_named_outside_folders)
         if lines:
             advice = _OF_PEOPLE if str(name) in theirs else _advice(study, name, participant)
@@ -299,7 +300,7 @@ def has_name(text: str, participant: str) -> bool:
 
 
 def new_salt() -> str:
-    """Return a salt that nobody can guess."""
+    """Return a random salt."""
     return secrets.token_hex(16)
 
 
@@ -321,7 +322,7 @@ def is_withdrawn(participant: str, log: Iterable[LogEntry]) -> bool:
 
 
 class Withdrawn(Struct, frozen=True):
-    """The number of withdrawn participants. Nothing else is known of them."""
+    """The number of withdrawn participants, without any other data."""
 
     count: int = 0
     begun: int = 0
@@ -335,7 +336,7 @@ def withdrawn_of(log: Iterable[LogEntry]) -> Withdrawn:
 
 
 def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
-    """Return the log for others, without the salts that would allow trying all pseudonyms."""
+    """Return the log for others, without the salts, which would allow trying all pseudonyms."""
     return [
         replace(each, fields={name: value for name, value in each.fields.items() if name != "salt"}) for each in log
     ]
@@ -345,7 +346,7 @@ def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
 
 KEPT_FILE = "anonymous.csv"
 KEPT_CONSENT = "anonymous"
-"""The column `consent_anonymous` of participants.csv has the day on which somebody agreed to it."""
+"""The column `consent_anonymous` of participants.csv has the date of the consent to keep anonymous rows."""
 KEPT_ID = "id"
 
 
@@ -355,7 +356,7 @@ def new_id() -> str:
 
 
 def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None:
-    """Add rows to the study's file, except those with a known id, so that a call can be repeated after a kill.
+    """Add rows with new ids to the study's file. The call can be repeated after a kill.
 
     :param study: the study's folder.
     :param rows: each with an `id`.
@@ -375,7 +376,7 @@ def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None
 
 
 def read_rows(study: Path) -> tuple[list[str], list[dict[str, str]]]:
-    """Read the file's columns and rows. Empty where there is no file. Raises OSError."""
+    """Read the file's columns and rows. Empty: there is no file. Raises OSError."""
     try:
         text = (study / KEPT_FILE).read_text("utf-8")
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""How a session was judged, checked and recovered while it ran, from its journal."""
+"""The outcome, checks and recoveries of a session, read from its journal."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from rise_engine.session.labels import downtime_by_clock
 _BLOCK = 1 << 16
 _OUTCOME, _CHECK, _RECOVERED = b'"input":"outcome"', b'"input":"check"', b'"input":"session_recovered"'
 _BEFORE = 1 << 16
-"""The number of bytes before a recovery in which the last record before it is looked for."""
+"""Bytes before a recovery in which the last record before it is searched."""
 _BEFORE_INPUT = 64
-"""The largest number of bytes before that in an input's line."""
+"""Maximum bytes between the start of an input's line and the searched bytes in it."""
 
 
 class Verdict(NamedTuple):
@@ -32,7 +32,7 @@ class Verdict(NamedTuple):
 
 
 def read_verdict(path: Path) -> Verdict:
-    """Read how a session was judged while it ran, and its length. The last outcome counts.
+    """Read a session's outcome, the last one in its journal, and its length.
 
     Reads from the end of the journal, only as far as needed. Torn or damaged lines are skipped.
 
@@ -47,7 +47,7 @@ def read_verdict(path: Path) -> Verdict:
 
 
 def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
-    """Read the reports of some checks in a session, by id. The last one of each counts.
+    """Read the last report of some checks in a session, by id.
 
     :param path: the session's folder.
     :param ids: the ids of the checks.
@@ -81,9 +81,9 @@ class Recovery(NamedTuple):
     t: float
     """Session time."""
     downtime: float
-    """The recorded seconds without an engine."""
+    """The recorded number of seconds without an engine."""
     by_clock: float
-    """The same, by the wall clock of the records before and after it."""
+    """The same by the wall clock of the records before and after it."""
 
 
 def read_recoveries(path: Path, speed: float) -> list[Recovery]:
@@ -142,7 +142,7 @@ def _last_time(file: BinaryIO) -> float:
 
 
 def _positions_from_end(file: BinaryIO, wanted: bytes) -> Iterator[int]:
-    """Find bytes in a file and give their places, the last first. Only one block is in memory at a time."""
+    """Give the positions of some bytes in a file, the last first. Only one block is in memory at a time."""
     at, rest = file.seek(0, os.SEEK_END), b""
     while at:
         size = min(_BLOCK, at)

@@ -1,8 +1,8 @@
-"""Withdrawal: erases one participant's data from a study for good. Only a salted hash and a free slot remain.
+"""Withdrawal: erases one participant's data from a study permanently. Only a salted hash and a free slot remain.
 
 It can be killed at any moment and run again. Under the log's lock, it writes a list of what to erase. It moves the
-session folders out of `sessions`, so that nobody logs them again, and rewrites the log without the participant. Then it
-erases everything on the list, which can take long, and finally the list. The next run completes an interrupted one.
+session folders out of `sessions`, so that no program logs them again, and rewrites the log without the participant.
+Then it erases everything on the list, which can take long, and finally the list.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ from rise_engine.study.withdrawal_work import (
 _NAMING = frozenset({"participant", "was", "instead_of"})
 """Fields of log entries with a participant."""
 _DAY = len("2026-11-29")
-"""The length of a day in an ISO 8601 moment."""
+"""The length of a date in an ISO 8601 time."""
 
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
-    """List what the withdrawal of a participant would erase. Nothing is changed.
+    """List the data that the withdrawal of a participant would erase. Nothing is changed.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
@@ -90,13 +90,13 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
 def withdraw(
     study: Path, participant: str, disk: Disk | None = None, *, keep: Sequence[dict[str, str]] = ()
 ) -> WithdrawalReport:
-    """Erase all reachable data of a participant. A call after an interruption completes it.
+    """Erase all reachable data of a participant. A call after an interruption completes the erasure.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
     :param keep: rows that stay with the participant's consent (`rise_engine.study.traces`).
-    :param disk: does the writing, for tests that let it fail.
-    :raises StudyError: as `plan_withdrawal`, or something cannot be erased; it stays listed for the next call.
+    :param disk: for tests that let it fail.
+    :raises StudyError: as `plan_withdrawal`, or data cannot be erased; they stay listed for the next call.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     disk = disk or Disk()
@@ -124,8 +124,8 @@ def withdraw(
 def _take_out(
     study: Path, participant: str, log: LockedLog, disk: Disk, keep: Sequence[dict[str, str]] = ()
 ) -> Path | None:
-    """Write the list, move the folders out of the study's sessions, and rewrite the log. Returns the folder to erase.
-    None: there is nothing to erase."""
+    """Write the list, move the folders out of `sessions`, and rewrite the log. Returns the folder to erase; None:
+    nothing."""
     erase_unlisted(study)
     log.path.with_name(f"{LOG_FILE}.new").unlink(missing_ok=True)  # from a rewrite that was killed
     entries = _by_owner(log.entries(), participant)
@@ -155,7 +155,7 @@ def _take_out(
 
 
 def _move_out(folder: Path, target: Path) -> None:
-    """Move a session away so that nobody finds it. Raises StudyError when somebody has just continued it."""
+    """Move a session out of `sessions`. Raises StudyError if an engine has just continued it."""
     if not folder.exists():
         return
     folder.rename(target)
@@ -167,8 +167,8 @@ def _move_out(folder: Path, target: Path) -> None:
 def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str]) -> None:
     """Rewrite the log without the participant and with the entry of the withdrawal, in one step.
 
-    Their entries are removed. The hash replaces the pseudonym in two kinds: that their slot was taken, with the day
-    instead of the moment, and exports, which may have others in them too. `Erasing` removes exports that it erases.
+    Their entries are removed. In two kinds, the hash replaces the pseudonym: `taken` (with the day instead of the
+    moment), and exports, which may contain others. `Erasing` removes the exports that it erases.
     """
     salt = new_salt()
     digest = hash_pseudonym(participant, salt)
@@ -188,7 +188,7 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
             kept += _export_without(entry, participant, own, WITHDRAWN_PREFIX + digest, moved)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
             named = participant in (entry.get(field) for field in _NAMING)
-            at = entry.at[:_DAY] if named else entry.at  # a calendar would tell whose moment it is
+            at = entry.at[:_DAY] if named else entry.at  # a calendar would reveal the participant of a time of day
             kept.append(replace(entry, at=at, fields=_without_name(entry, participant, WITHDRAWN_PREFIX + digest)))
     withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
     log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
@@ -201,7 +201,7 @@ def _export_without(
     """Return the entry of an export with another name instead of theirs, and without their sessions. Empty: its path
     names them.
 
-    :param moved: sessions that may have been run under their pseudonym, and are others'.
+    :param moved: sessions of others that may have been run under their pseudonym.
     """
     path = str(entry.get("path"))
     if own & {*Path(path).parts} or has_name(path, participant):
@@ -226,7 +226,7 @@ def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
 
 
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
-    """Whether an entry is about them. This includes exports with their data, which are erased."""
+    """Whether an entry is about them, including exports of their data, which are erased."""
     sessions = {str(entry.get("session")), str(entry.get("folder")), *Path(str(entry.get("path"))).parts}
     return entry.get("participant") == participant or participant in _named(entry) or bool(sessions & own)
 
@@ -238,13 +238,13 @@ def _named(entry: LogEntry) -> list[str]:
 
 
 def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
-    """Whether an entry is about them, or names them in a written text."""
+    """Whether an entry is about them, or names them in a text."""
     return _is_about(entry, participant, own) or _without_name(entry, participant, "") != entry.fields
 
 
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
-    """Return an entry's fields with another name instead of theirs. Pseudonyms of digits only are not replaced in
-    written texts, where they may be ordinary numbers."""
+    """Return an entry's fields with another name instead of theirs. Pseudonyms of digits are not replaced in texts,
+    where they may be ordinary numbers."""
     if not participant.isdigit():
         entry = entry.with_written(partial(name_pattern(participant).sub, name))
     return {
@@ -297,7 +297,7 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
 
 
 def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
-    """Plan which of their exports to erase. Whether each is unchanged is checked later."""
+    """Plan which of their exports to erase. `Erasing` checks later whether each is unchanged."""
     withdrawn = [each for each in log if each.kind == "withdrawn"]
     again = is_withdrawn(plan.participant, withdrawn)
     own = {
@@ -310,7 +310,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
             continue
         if entry.kind == "exported":
             if again and not is_there(study, path):
-                continue  # the first time, people were told to erase it
+                continue  # an earlier withdrawal already asked people to erase it
             if sentence := why_not_export(study, path):
                 plan.unreachable += [sentence] if sentence not in plan.unreachable else []
                 continue
@@ -330,7 +330,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
 
 
 def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
-    """Note their sessions that are no longer in their places."""
+    """List their sessions that are no longer in their places."""
     names = [
         str(each.get("folder"))
         for each in log
@@ -357,7 +357,7 @@ def _refuse_running(folder: Path) -> None:
 
 
 def _beyond(study: Path, participant: str) -> list[str]:
-    """List what no program can reach from here."""
+    """List data that no program can reach from here."""
     found = []
     elsewhere = sessions_folder()
     if elsewhere.resolve() != (study / SESSIONS).resolve():

@@ -1,4 +1,4 @@
-"""The list of what a withdrawal erases, and the erasing. Both can be killed at any moment; the next run continues."""
+"""The list of data that a withdrawal erases, and their erasing. Both survive a kill; the next run continues."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
 
 
 EXPORTED = frozenset({"exported", "written"})
-"""Kinds of entries of the log about an export."""
+"""Kinds of log entries about an export."""
 
 
 def why_not_export(study: Path, export: str) -> str:
-    """Say why people must deal with an export because of its place, or return an empty text. The study may be a copy,
-    and files elsewhere may belong to others.
+    """Return why an export's place forbids erasing it, or an empty text. The study may be a copy, and files elsewhere
+    may belong to others.
 
     :param study: the study's folder.
     :param export: its path, absolute or relative to the study.
@@ -67,13 +67,13 @@ def why_not_export(study: Path, export: str) -> str:
 
 
 def is_there(study: Path, export: str) -> bool:
-    """Whether an export, or what a killed program has left of it, is still in its place."""
+    """Whether an export, or an incomplete one of a killed program, is still in its place."""
     path = study / export
     return os.path.lexists(path) or bool(find_leftovers(_real_place(path)))
 
 
 def why_not_recording(study: Path, path: Path, hashes: Collection[str]) -> str:
-    """Say why people must deal with a recording that a session has registered, or return an empty text.
+    """Return why a registered recording must not be erased automatically, or an empty text.
 
     :param study: the study's folder.
     :param path: the registered absolute path.
@@ -92,7 +92,7 @@ def why_not_recording(study: Path, path: Path, hashes: Collection[str]) -> str:
 
 
 def why_not_place(study: Path, path: Path) -> str:
-    """Say why people must deal with a recording because of its place, or return an empty text.
+    """Return why a recording's place forbids erasing it, or an empty text.
 
     :param study: the study's folder.
     :param path: the absolute path that a session has registered.
@@ -108,7 +108,7 @@ def why_not_place(study: Path, path: Path) -> str:
 
 
 def why_other(path: Path, hashes: Collection[str]) -> str:
-    """Say why a path no longer has the content that was written there, or return an empty text. Raises OSError."""
+    """Return why a path no longer has its original content, or an empty text. Raises OSError."""
     if hashes and (fingerprint(path) in hashes or tree_hash(path) in hashes):
         return ""
     if hashes:
@@ -117,25 +117,23 @@ def why_other(path: Path, hashes: Collection[str]) -> str:
 
 
 def _real_place(path: Path) -> Path:
-    """Resolve the links on the way to a path, but not the path itself."""
+    """Resolve the links in a path's folder, but not the path itself."""
     return Path(os.path.normpath(Path(os.path.realpath(path.parent), path.name)))
 
 
 def _is_of_scenario(path: Path, root: Path) -> bool:
-    """Whether the path is in, or contains, a scenario of the study. The copies in an export belong to the export."""
+    """Whether the path is in, or contains, a scenario of the study, unlike the copies in an export."""
     if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
         return True
     return not any((path / name).is_file() for name in _OF_EXPORTS) and any(path.rglob(SCENARIO_FILE))
 
 
 class WithdrawalPlan(Struct):
-    """The list of what to erase."""
-
     participant: str
     sessions: list[str] = field(default_factory=list)
     """The names of their folders in the study's sessions."""
     recordings: list[str] = field(default_factory=list)
-    """Absolute paths of files and folders of bags that their sessions have registered."""
+    """Absolute paths of recorded files and folders that their sessions have registered."""
     exports: dict[str, list[str]] = field(default_factory=dict)
     """Exports of their sessions, relative to the study's folder, each with the other participants in it."""
     unreachable: list[str] = field(default_factory=list)
@@ -151,7 +149,7 @@ class WithdrawalPlan(Struct):
 
 
 class WithdrawalReport(Struct):
-    """What was erased, and what people must do."""
+    """The erased data, and the remaining tasks for people."""
 
     erased: list[str] = field(default_factory=list)
     make_again: list[str] = field(default_factory=list)
@@ -159,16 +157,16 @@ class WithdrawalReport(Struct):
     remains: list[str] = field(default_factory=list)
     """Sentences on where the study's folder still names them."""
     unreached: list[str] = field(default_factory=list)
-    """Sentences on known data that were not erased, and why."""
+    """Sentences on known data that were not erased, with the reason."""
     beyond: list[str] = field(default_factory=list)
-    """Sentences on data that no program can reach or know of."""
+    """Sentences on data that are out of reach or unknown to the program."""
 
 
 # --- the list of what is to go --------------------------------------------------------------------------------------
 
 
 def left_work(study: Path, participant: str) -> Path | None:
-    """Find the folder that an earlier run has left."""
+    """Return the folder that an earlier run has left."""
     for folder in folders_in(study / WORK_FOLDER):
         try:
             if read_list(folder).participant == participant:
@@ -179,7 +177,7 @@ def left_work(study: Path, participant: str) -> Path | None:
 
 
 def erase_unlisted(study: Path) -> None:
-    """Erase folders of runs that ended before their list was written, or while it was erased at the very end.
+    """Erase folders of runs that were killed before their list was written, or while it was erased at the end.
 
     Lists are written in one step, so an unreadable list is half erased.
     """
@@ -211,7 +209,7 @@ def write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
 
 
 def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
-    """Join the list of an earlier run with what has been added since."""
+    """Merge the list of an earlier run with new data."""
     moved = tuple(f"session {name} " for name in before.sessions)  # the log reports these as missing
     unreachable = [*before.unreachable, *(each for each in now.unreachable if not each.startswith(moved))]
     return WithdrawalPlan(
@@ -231,7 +229,7 @@ def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
 
 
 class Erasing:
-    """The erasing of what a list names. What cannot be erased is reported and stays listed for the next run.
+    """Erases the data of a list. It reports data that it cannot erase, which stay listed for the next run.
 
     :param study: the study's folder.
     :param work: the folder with the list and the moved session folders.
@@ -247,9 +245,9 @@ class Erasing:
         self.report = WithdrawalReport(unreached=list(self._plan.unreachable))
 
     def run(self) -> WithdrawalReport:
-        """Erase everything and return the report. Raises OSError when even the list cannot be written."""
+        """Erase everything and return the report. Raises OSError if the list cannot be written."""
         plan, report = self._plan, self.report
-        add_rows(self._study, plan.kept, self._disk)  # first: the list is their only place until then
+        add_rows(self._study, plan.kept, self._disk)  # first, because only the list has them until then
         for text in plan.recordings:
             self._erase_if_same(text, why_not_place(self._study, Path(text)))
         for text, others in plan.exports.items():
@@ -259,8 +257,8 @@ class Erasing:
             self._erase(self._work / name, f"{SESSIONS}/{name}")
         self._forget_exports()
         if not self._failed:
-            erase_folder(self._work)  # with the list: nothing is left to do
-            with suppress(OSError):  # another participant's data are being erased too
+            erase_folder(self._work)  # with the list: nothing remains to do
+            with suppress(OSError):  # keep it while another participant's data are being erased
                 (self._study / WORK_FOLDER).rmdir()
         self._disk.sync_folder(self._study)
         return report
@@ -327,7 +325,7 @@ class Erasing:
 
 
 def _linked_files(path: Path) -> list[Path]:
-    """Return the files of a folder, or the file itself, that have further names. They are relative to it."""
+    """Return the files with several names (hard links) in a folder, or the file itself. Paths are relative to it."""
     if not path.is_dir() or path.is_symlink():
         return [Path()] if os.path.lexists(path) and has_other_names(path) else []
     files = (each for each in sorted(path.rglob("*")) if not each.is_dir())
@@ -335,7 +333,7 @@ def _linked_files(path: Path) -> list[Path]:
 
 
 def erase_leftovers(study: Path, report: WithdrawalReport) -> None:
-    """Erase what killed exports have left, whoever is in it."""
+    """Erase incomplete exports of killed programs, with all participants in them."""
 
     def erase(folder: Path) -> None:
         try:

@@ -1,4 +1,4 @@
-"""The texts of files and the places in them: read without loss, edited, and written in the usual layout.
+"""The texts of files and their places: reads them without loss, edits them, and writes the usual layout.
 
-Nothing here knows what a study is. Places are offsets in characters.
+It does not depend on studies. Places are offsets in characters.
 """

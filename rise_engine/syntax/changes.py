@@ -10,7 +10,7 @@ from rise_engine.base.errors import RiseError
 
 
 class EditRefused(RiseError, ValueError):
-    """An edit that cannot be made; the message says why, and what could be done, for a person."""
+    """An edit cannot be made; the message has the reason and a remedy, for a person."""
 
 
 class TextEdit(NamedTuple):
@@ -33,7 +33,7 @@ class Splice(NamedTuple):
 def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
     """Apply edits to a text. Insertions at the same place keep their order.
 
-    :raises ValueError: edits overlap or are outside the text, which is a mistake of the caller.
+    :raises ValueError: edits overlap or are outside the text, which is an error of the caller.
     """
     pieces, at = [], 0
     for edit in sorted(edits, key=lambda each: (each.start, each.end)):
@@ -45,8 +45,8 @@ def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
 
 
 def edits_between(before: str, after: str) -> list[TextEdit]:
-    """The edits that turn one text into another: one for each range of lines that differ, from the first character that
-    differs to the last."""
+    """The edits that turn one text into another: one for each range of lines that differ, from its first to its last
+    different character."""
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     first = _count_common(old, new)
     last = _count_common(old[first:][::-1], new[first:][::-1])

@@ -1,4 +1,4 @@
-"""TOML as written: where every table, key and value begins and ends, and how to write new keys and values.
+"""The written form of TOML: the ranges of tables, keys and values, and the form of new keys and values.
 
 The texts read here are valid (tomllib has read them), so this code only finds places, in linear time.
 """
@@ -34,7 +34,7 @@ class TomlKeyPart(Struct, frozen=True):
 
     name: str
     start: int
-    """Of the written form, with quotation marks."""
+    """The start of the written form, with quotation marks."""
     end: int
 
 
@@ -68,13 +68,13 @@ class TomlSection(Struct):
     """A `[table]` or an element of a `[[list]]`, and the pairs below its header. The first section has no header."""
 
     path: KeyPath
-    """Includes the numbers of list elements."""
+    """It includes the indexes of list elements."""
     parts: tuple[TomlKeyPart, ...]
-    """Of its header, as written there."""
+    """The parts of its header as written."""
     places: tuple[int, ...]
     """For each of these parts, its index in `path`."""
     start: int
-    """Of its header."""
+    """The start of its header."""
     header_end: int
     """After the brackets."""
     is_list: bool
@@ -87,7 +87,7 @@ class TomlSection(Struct):
 
 
 def read_sections(text: str) -> list[TomlSection]:
-    """The sections of a valid TOML text, in order. The first one is the part before any header."""
+    """The sections of a valid TOML text in order, beginning with the part before any header."""
     return list(_SyntaxReader(text).read())
 
 
@@ -160,7 +160,7 @@ class _SyntaxReader:
     def __init__(self, text: str) -> None:
         self.text = text
         self.lengths: dict[KeyPath, int] = {}
-        """How many elements each `[[list]]` has so far."""
+        """The number of elements of each `[[list]]` so far."""
 
     def read(self) -> Iterator[TomlSection]:
         section = TomlSection((), (), (), 0, 0, False, [])
@@ -245,7 +245,7 @@ def _key_text(written: str) -> str:
 
 
 def toml_key(name: str) -> str:
-    """A key as TOML writes it, in quotation marks where necessary."""
+    """A key in TOML, in quotation marks if necessary."""
     return name if _BARE_KEY.fullmatch(name) else _basic(name)
 
 
@@ -253,7 +253,7 @@ def toml_value(value: Any, like: str = "") -> str:
     """A value in one line of TOML.
 
     :param value: a JSON value.
-    :param like: how the old value was written; its quotation marks are kept if possible.
+    :param like: the old value as written; its quotation marks are kept if possible.
     :raises EditRefused: TOML has no such value: null, NaN, a whole number of more than 64 bits.
     """
     match value:

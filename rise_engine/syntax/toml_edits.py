@@ -1,6 +1,6 @@
-"""Changes entries of a TOML file and nothing else: comments, order, alignment, quotes and line ends stay.
+"""Changes entries of a TOML file. Comments, order, alignment, quotes and line ends stay.
 
-Each function returns the whole new text; `syntax.changes.edits_between` turns the difference into edits.
+Each function returns the whole new text; `syntax.changes.edits_between` converts the difference to edits.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class TomlText:
         return self.text.rfind("\n", 0, at) + 1
 
     def sections_below(self, path: KeyPath) -> list[TomlSection]:
-        """The sections of a table and of everything in it."""
+        """The sections of a table and of its subtables."""
         return [section for section in self.sections if section.parts and section.path[: len(path)] == path]
 
 
@@ -303,7 +303,7 @@ def remove_value(text: str, path: KeyPath) -> str:
         is_last = len(gone) == len(section.pairs) and section.parts and not section.is_list
         if gone and is_last and re.search(r"\n[ \t]*#", text[section.start : section.end]) is None:
             stretches.append(_section_stretch(toml, section))
-        elif gone and is_last:  # keep comments that have their own lines
+        elif gone and is_last:  # keep comments on their own lines
             stretches.append(_line_stretch(toml, section.start, section.header_end))
             stretches += [_line_stretch(toml, pair.start, pair.value.end) for pair in gone]
         else:
@@ -402,7 +402,7 @@ def rename_keys(text: str, names: Mapping[KeyPath, str]) -> str:
 
 
 def _written_names(toml: TomlText, path: KeyPath) -> Iterator[tuple[int, int, bool]]:
-    """The places where the last part of a path is written, and whether a `=` may be aligned after it."""
+    """The places of the last part of a path, and whether a `=` may be aligned after it."""
     at = len(path) - 1
     for section in toml.sections:
         if section.path[: len(path)] == path:

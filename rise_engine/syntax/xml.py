@@ -1,10 +1,10 @@
-"""XML as a tree that knows the place of everything in its text, so that unchanged parts keep their characters.
+"""XML as a tree with the places of all parts in its text, so that unchanged parts keep their characters.
 
-expat builds the tree and gives the offset of every element. lxml checks what expat cannot read, so that its words
-describe the mistake, and what the two disagree on: prefixes of names, and deeply nested elements.
+expat builds the tree and gives the offset of every element. lxml describes the errors of texts that expat cannot read,
+and checks what the two disagree on: prefixes of names, and deeply nested elements.
 
-Reading takes time in proportion to the length of any text: no pattern backtracks over what it has passed, and
-results that are often needed for one element are computed once.
+Reading takes linear time for any text: no pattern backtracks far, and results that are often needed for one element are
+computed once.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 _USUAL_DECLARATION = re.compile(r"""<\?xml version=["']1\.0["'](?: encoding=["'][Uu][Tt][Ff]-?8["'])? ?\?>""")
 _PREFIX = re.compile(r"<[^\s<>/!?]*:|(?<=\s)[^\s=/<>\"']*:[^\s=/<>\"']*+\s*+=\s*+[\"']|(?<=\s)xmlns\b")
 _DEEP = 200
-"""How deep elements are nested before lxml checks them. libxml2 allows 256."""
+"""Nesting of elements from which lxml checks them. libxml2 allows 256."""
 _LONG = 40_000
-"""Characters of a name before lxml checks it. libxml2 allows 50,000."""
+"""Length of a name from which lxml checks it. libxml2 allows 50,000 characters."""
 
 
 class XmlSyntaxError(RiseError, ValueError):
-    """A text that is not XML, or none that is read here: the first mistake as a sentence, and its place."""
+    """A text is not XML, or not accepted: the first error as a sentence, and its place."""
 
     def __init__(self, code: str, offset: int, message: str, *, is_final: bool = False) -> None:
         super().__init__(message)
@@ -66,11 +66,11 @@ class Element(list["Element"]):
     def __init__(self, tag: str, attributes: dict[str, str], start: int, tree: XmlTree, parent: Element | None) -> None:
         self.tag = tag
         self.attributes = attributes
-        """In file order, as XML reads them."""
+        """In file order, with entities resolved."""
         self.start = start
-        """Where its start tag begins in the text of its tree."""
+        """The start of its start tag in the text of its tree."""
         self.close = start
-        """Where its end tag begins; for `<empty/>`, the offset that expat reports."""
+        """The start of its end tag; for `<empty/>`, the offset that expat reports."""
         self.text = ""
         """The text before its first child. Comments leave no trace."""
         self.tail = ""
@@ -98,17 +98,17 @@ class Element(list["Element"]):
 
     @property
     def inner_start(self) -> int:
-        """After its start tag."""
+        """The offset after its start tag."""
         return match_end(_TAG, self.tree.text, self.start)
 
     @property
     def inner_end(self) -> int:
-        """Where its end tag begins; for `<empty/>`, after it."""
+        """The start of its end tag; for `<empty/>`, the offset after it."""
         return self.inner_start if self.is_closed else self.close
 
     @property
     def end(self) -> int:
-        """After its last character."""
+        """The offset after its last character."""
         return self.inner_start if self.is_closed else self.tree.text.index(">", self.close) + 1
 
     @property
@@ -118,11 +118,11 @@ class Element(list["Element"]):
 
     @property
     def written(self) -> str:
-        """As it is written, with its tags."""
+        """Its written form, with its tags."""
         return self.tree.text[self.start : self.end]
 
     def walk(self) -> Iterator[Element]:
-        """Yield it and everything that it contains, in file order."""
+        """Yield it and its contents, in file order."""
         rest = [self]
         while rest:
             element = rest.pop()
@@ -146,7 +146,7 @@ class Element(list["Element"]):
         return found - {"text"}
 
     def text_span(self) -> tuple[int, int]:
-        """The range of its text without the blanks around it, or within the marks of its only CDATA section."""
+        """The range of its text without surrounding blanks, or within the marks of its only CDATA section."""
         text = self.tree.text
         start, end = without_blanks(text, self.inner_start, self.inner_end)
         if self._is_cdata(start, end):
@@ -162,7 +162,7 @@ class Element(list["Element"]):
         return self.tree.text.startswith(CDATA, start, end) and self.tree.text.find("]]>", start) == end - 3
 
     def text_obstacle(self) -> str:
-        """Why replacing its text would lose something; empty: it would not."""
+        """Why replacing its text would lose content; empty: it would not."""
         if self:
             return f"`<{self[0].tag}>` is in it"
         marks = self.marks()
@@ -180,23 +180,23 @@ class Element(list["Element"]):
         return next((each for each in attributes if each.value_start <= offset <= each.value_end), None)
 
     def attribute_offset(self, name: str) -> int:
-        """Where an attribute's name begins; if there is none, where the element begins."""
+        """The start of an attribute's name; if there is none, of the element."""
         found = self.written_attributes().get(name)
         return found.name_start if found else self.start
 
     def value_offset(self, name: str, index: int = 0) -> int:
-        """Where the character number `index` (from 0) of an attribute's value is."""
+        """The offset of the character number `index` (from 0) of an attribute's value."""
         found = self.written_attributes().get(name)
         if found is None:
             return self.start
         return _value_offset_map(self.tree.text, found.value_start, found.value_end).offset(index)
 
     def text_offset(self, index: int = 0) -> int:
-        """Where the character number `index` of its text (up to its first child) is."""
+        """The offset of the character number `index` of its text (up to its first child)."""
         return _text_offset_map(self.tree.text, self.start).offset(index)
 
     def tail_offset(self, index: int) -> int:
-        """Where the character number `index` of its tail is."""
+        """The offset of the character number `index` of its tail."""
         return _text_offset_map(self.tree.text, self.close).offset(index)
 
 
@@ -237,7 +237,7 @@ class WrittenAttribute(NamedTuple):
 
     name: str
     start: int
-    """Where the blanks before it begin."""
+    """The start of the blanks before it."""
     name_start: int
     value_start: int
     """Between its quotation marks."""
@@ -281,7 +281,7 @@ def without_blanks(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def read_entity(written: str) -> str:
-    """The character that an entity stands for; anything else unchanged."""
+    """The character of an entity; any other text unchanged."""
     found = ENTITY.fullmatch(written)
     if found is None:
         return written
@@ -381,7 +381,7 @@ def _ask_lxml(text: str) -> XmlSyntaxError | None:
 
 
 def _odd_name(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxError:
-    """The error for a character that no name can have, which lxml accepts and expat does not."""
+    """The error for a character that no name can contain, which lxml accepts and expat does not."""
     at = len(before.decode(errors="ignore"))
     character = text[at : at + 1]
     if character.isascii():  # no known text leads here
@@ -400,7 +400,7 @@ class _OffsetMap:
 
     def __init__(self) -> None:
         self.length = 0
-        """Of the value."""
+        """The length of the value."""
         self.starts: list[int] = []
         self.offsets: list[int] = []
         self.end = 0
@@ -427,7 +427,7 @@ class _OffsetMap:
         return self.offsets[which] + index - self.starts[which]
 
 
-# Several places of one element may be needed in a row: each function remembers its latest result.
+# Several places of one element may be needed in a row: each function caches its last result.
 
 
 @lru_cache(maxsize=1)

@@ -1,4 +1,4 @@
-"""libxml2's message about a file that is not well-formed, as a sentence with the place where the author must look."""
+"""libxml2's message about a file that is not well-formed, as a sentence with the place to look at."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SENTENCES = {
 
 
 def parse_error(text: str) -> etree.XMLSyntaxError | None:
-    """The first error that lxml finds, or None. :raises ValueError: the text holds half a character, or the like."""
+    """The first error that lxml finds, or None. :raises ValueError: the text contains half a character, or the like."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
         etree.fromstring(text.encode(), parser)
@@ -32,7 +32,7 @@ def parse_error(text: str) -> etree.XMLSyntaxError | None:
 
 
 def find_syntax_error(text: str) -> tuple[str, int, str] | None:
-    """The first mistake, or None: the code of a diagnostic, the offset, and a sentence."""
+    """The first error: the code of a diagnostic, the offset, and a sentence. None: there is none."""
     error = parse_error(text)
     return None if error is None else describe_syntax_error(error, text)
 
@@ -68,7 +68,7 @@ def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, 
 
 
 def _offset(text: str, line: int, column: int) -> int:
-    """The offset of a position. libxml2 counts bytes in a line, from 1, and points behind the mistake."""
+    """The offset of a position. libxml2 counts bytes in a line, from 1, and points behind the error."""
     lines = text.split("\n")
     line = min(line, len(lines))
     content = lines[line - 1].encode()[: max(column - 1, 0)].decode("utf-8", "replace")

@@ -1,7 +1,7 @@
-"""Where a new element goes in a file, what surrounds it, and what is removed together with an element.
+"""The place of a new element in a file, its surroundings, and the removal of elements.
 
-A new element takes the indentation and line end of its neighbours, and has its own line only if they do. A comment
-after an element on its line belongs to that element, and so do comments in the lines directly above it.
+A new element takes the indentation and line end of its neighbours, and has its own line only if they do. Comments on an
+element's line and in the lines directly above it belong to the element.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ DEFAULT_UNIT = "  "
 
 
 class WritingGap(Struct, frozen=True):
-    """A place for something new in a file."""
+    """A place for a new element in a file."""
 
     file: str
     start: int
     end: int
-    """The range that is replaced: the end of `<empty/>`, otherwise nothing."""
+    """The range that is replaced: the end of `<empty/>`, otherwise empty."""
     before: str
     """The characters to write before and after the new element."""
     after: str
@@ -39,18 +39,18 @@ class WritingGap(Struct, frozen=True):
     unit: str
     line_end: str
     own_line: bool
-    """Whether it gets its own lines."""
+    """Whether the element gets its own lines."""
 
     def put(self, written: str) -> Splice:
-        """Put text there that is already written."""
+        """Insert a written text."""
         return Splice(self.file, self.start, self.end, self.before + written + self.after)
 
     def write(self, element: NewElement, *, flat: bool = False) -> str:
-        """Write an element for this place, with its content in lines of their own unless it is `flat`."""
+        """Write an element for this place. Its content gets its own lines unless it is `flat`."""
         return element.write(self.indent, self.unit, self.line_end, flat=flat or not self.own_line)
 
     def insert(self, element: NewElement, *, flat: bool = False) -> Splice:
-        """Put a new element there."""
+        """Insert a new element."""
         return self.put(self.write(element, flat=flat))
 
 
@@ -58,12 +58,12 @@ class WritingGap(Struct, frozen=True):
 
 
 def line_start(text: str, at: int) -> int:
-    """Where the line of an offset begins."""
+    """The start of the line of an offset."""
     return max(text.rfind("\n", 0, at), text.rfind("\r", 0, at)) + 1
 
 
 def next_line(text: str, at: int) -> int:
-    """Where the next line begins."""
+    """The start of the next line."""
     found = _LINE_END.search(text, at)
     return found.end() if found else len(text)
 
@@ -80,7 +80,7 @@ def begins_line(element: Element) -> bool:
 
 
 def _line_rest(element: Element) -> int:
-    """The offset after the comments that follow an element in its line; -1 if something else follows."""
+    """The offset after the comments that follow an element in its line; -1: other text follows."""
     text = element.tree.text
     found = _REST_OF_LINE.match(text, element.end)
     return len(text[: found.end()].rstrip(" \t")) if found else -1
@@ -114,7 +114,7 @@ def is_one_line(element: Element) -> bool:
 
 @lru_cache(maxsize=64)
 def indent_unit(tree: XmlTree) -> str:
-    """The indentation of one level: the first that the file uses, or else two blanks."""
+    """The indentation of one level: the file's first one, or else two blanks."""
     for element in tree.root.walk():
         parent = element.parent
         if parent is not None and begins_line(element) and begins_line(parent):
@@ -125,7 +125,7 @@ def indent_unit(tree: XmlTree) -> str:
 
 
 def lead_start(element: Element) -> int:
-    """Where the line of an element begins, or the first of the comments directly above it."""
+    """The start of an element's line, or of the first comment directly above it."""
     text = element.tree.text
     start = line_start(text, element.start)
     floor = element.parent.inner_start if element.parent is not None else 0
@@ -229,7 +229,7 @@ def _separator(element: Element) -> str:
 
 
 def wrap(root: Element, wrapper: str, written: str | NewElement) -> list[Splice]:
-    """Put a wrapper around the only element of a file, and something after that element."""
+    """Put a wrapper around the only element of a file, and a text after that element."""
     line_end = line_end_near(root) if begins_line(root) else ""
     if isinstance(written, NewElement):
         written = written.write("", indent_unit(root.tree), line_end, flat=not line_end)
@@ -244,7 +244,7 @@ def wrap(root: Element, wrapper: str, written: str | NewElement) -> list[Splice]
 
 
 def removal(first: Element, last: Element | None = None) -> Splice:
-    """Remove siblings, and their lines if these hold nothing else. Comments stay."""
+    """Remove siblings, and their lines if these contain nothing else. Comments stay."""
     text, start, end = first.tree.text, first.start, (last or first).end
     begins, behind = begins_line(first), _ONLY_BLANKS.match(text, end)
     if begins and behind is not None:
@@ -264,7 +264,7 @@ def removal(first: Element, last: Element | None = None) -> Splice:
 
 
 def removals(elements: list[Element]) -> list[Splice]:
-    """Remove elements, which may be neighbours: their ranges are joined where they meet."""
+    """Remove elements, which may be neighbours: adjacent ranges are joined."""
     splices: list[Splice] = []
     for element in elements:
         gone = removal(element)
@@ -287,7 +287,7 @@ def _blanks_at(text: str, at: int) -> int:
 
 
 def collapse(parent: Element) -> Splice | None:
-    """Write an element that would become empty as `<empty/>`; None if it contains a comment or text."""
+    """Write an element that would become empty as `<empty/>`; None: it contains a comment or text."""
     if parent.marks() or parent.text.strip() or any(child.tail.strip() for child in parent):
         return None
     return Splice(parent.tree.name, parent.inner_start - 1, parent.end, "/>")
@@ -312,8 +312,8 @@ def _block(first: Element, last: Element) -> tuple[int, int]:
 def move_siblings(
     first: Element, last: Element, to_first: Element, to_last: Element, *, behind: bool
 ) -> tuple[Splice, Splice]:
-    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their lines and
-    the comments that belong to them."""
+    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their
+    comments."""
     text, file = first.tree.text, first.tree.name
     if all(has_own_lines(each) for each in (first, last, to_first, to_last)):
         start, end = _block(first, last)

@@ -1,8 +1,8 @@
-"""Finds the commonest mistakes in hand-written XML and repairs them in memory, so that the rest can be checked.
+"""Finds the most common errors in hand-written XML and repairs them in memory, so that the rest can be checked.
 
-These are a raw `<` or `&` in a condition or a text, a double quotation mark inside a value in double quotation marks,
-and a blank that XML does not know (from a word processor or a web page) where only blanks are allowed. Each gets its
-own diagnostic with the corrected text.
+These are a raw `<` or `&` in a condition or a text, and a double quotation mark inside a value in double quotation
+marks. Another one is a special blank from a word processor or a web page between parts of a tag. Each gets its own
+diagnostic with the corrected text.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
 _EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
 _FARTHEST = 2000
-"""How far, in characters, the end of a value with quotation marks in it is searched for."""
+"""Maximum characters in which the end of a value with quotation marks in it is searched."""
 _SHOWN = 300
-"""The longest corrected text in a message, in characters."""
+"""Maximum characters of a corrected text in a message."""
 _QUOTE_ENTITIES = {'"': "&quot;", "'": "&apos;"}
 
 
 class Mistake(NamedTuple):
-    """A mistake in a text: the code of a diagnostic, its offset, and a sentence."""
+    """An error in a text: the code of a diagnostic, its offset, and a sentence."""
 
     code: str
     offset: int
@@ -46,18 +46,18 @@ class Mistake(NamedTuple):
 
 
 class RepairedText:
-    """A text without the mistakes that this module knows, with a map back to the offsets of the original."""
+    """A text without the errors that this module repairs, with a map to the offsets of the original."""
 
     def __init__(self, original: str) -> None:
         repairer = _Repairer(original)
         self._edits = sorted(repairer.find_edits())
         self.mistakes = repairer.mistakes
-        """What was repaired, or could not be read, each with its offset in the original."""
+        """The repaired and the unreadable parts, each with its offset in the original."""
         self._starts: list[int] = []
         """The offset in the repaired text at which each edit begins."""
         pieces: list[str] = []
         position = length = 0
-        for start, end, new in self._edits:  # two may meet in one character if a text is very wrong
+        for start, end, new in self._edits:  # two may meet in one character in a very wrong text
             pieces += (original[position:start], new)
             length += start - position
             self._starts.append(length)
@@ -83,7 +83,7 @@ class _Repairer:
         self.mistakes: list[Mistake] = []
         self.edits: list[TextEdit] = []
         self.searched_until: dict[str, int] = {}
-        """How far we have searched in vain for the end of a value in these quotation marks."""
+        """The end of the text that was searched in vain for these quotation marks."""
 
     def report_error(self, code: str, offset: int, message: str) -> None:
         self.mistakes.append(Mistake(code, offset, message))
@@ -92,10 +92,10 @@ class _Repairer:
         self.edits.append(TextEdit(start, end, new))
 
     def find_edits(self) -> list[TextEdit]:
-        """Find all replacements, and note each mistake."""
+        """Find all replacements, and note each error."""
         text = self.text
         position = 0
-        run_start = 0  # where the current range of text between tags begins
+        run_start = 0  # the beginning of the current text between tags
         run_bad: list[tuple[int, str]] = []
         while (mark := _MARK.search(text, position)) is not None:
             start = mark.start()
@@ -212,10 +212,10 @@ class _Repairer:
                 self.replace(position, position + 1, "&amp;")
 
     def find_value_end(self, start: int, quote: str) -> int:
-        """The offset of the quotation mark that closes a value, or -1 if it is never closed.
+        """The offset of the quotation mark that closes a value; -1: it is never closed.
 
-        A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. We search
-        the same line for a better one, up to a limit.
+        A mark that is followed by neither the tag's end nor another attribute is probably part of the value. Then a
+        better one is searched in the same line, up to a limit.
         """
         text = self.text
         first = end = text.find(quote, start)
@@ -231,7 +231,7 @@ class _Repairer:
         return end
 
     def repair_value(self, name: str, opening: int, end: int) -> None:
-        """Replace what is not allowed in a value: a diagnostic for its characters and one for its quotation marks."""
+        """Replace characters that are not allowed in a value: a diagnostic for them and one for its quotation marks."""
         text = self.text
         quote = text[opening]
         bad: list[tuple[int, str]] = []
@@ -282,7 +282,7 @@ class _Repairer:
 
 
 def _first_of_name(text: str, opening: int) -> int:
-    """Where the name of a tag should begin: directly after its `<`, or after an invisible character there."""
+    """The expected start of a tag's name: directly after its `<`, or after an invisible character there."""
     end = match_end(_GAP, text, opening + 1)
     return end if find_unseen(text, opening + 1, opening + 2) > 0 else opening + 1
 

@@ -1,8 +1,8 @@
 """New XML: elements, values and texts, the smallest change that turns one text into another, and the usual layout.
 
 The layout of files of acts and rules is indentation, one blank between attributes, and a line for each element. It
-changes nothing that is read and keeps all comments. Elements with text keep their content as written. Elements that an
-author has put in one line stay there if they fit.
+keeps all values and comments. Elements with text keep their content as written. Elements that an author has put in one
+line stay there if they fit.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class NewElement(Struct, frozen=True):
 
 
 def check_characters(text: str) -> None:
-    """:raises EditRefused: a character that no XML file can hold."""
+    """:raises EditRefused: XML does not allow a character."""
     if (found := _NO_XML.search(text)) is not None:
         raise EditRefused(f"the character {character_name(found.group())} is not allowed in a file; leave it out")
 
@@ -60,13 +60,13 @@ def escape_value(text: str, quote: str) -> str:
 
 
 def quoted(value: str) -> str:
-    """A value with quotation marks: double ones, unless only double ones occur in it."""
+    """A value with quotation marks: double ones, unless the value contains only double ones."""
     quote = "'" if '"' in value and "'" not in value else '"'
     return f"{quote}{escape_value(value, quote)}{quote}"
 
 
 def one_line(text: str) -> str:
-    """A text as it is read: without blanks around it, and with line breaks as blanks."""
+    """A text without surrounding blanks, and with line breaks as blanks."""
     text = text.strip()
     return " ".join(text.split()) if "\n" in text or "\r" in text else text
 
@@ -75,7 +75,7 @@ def one_line(text: str) -> str:
 
 
 def set_text(element: Element, text: str) -> Splice:
-    """Set the text of an element that contains nothing else (`Element.text_obstacle`)."""
+    """Set the text of an element without other content (`Element.text_obstacle`)."""
     text = one_line(text)
     check_characters(text)
     file, written = element.tree.name, element.tree.text
@@ -105,13 +105,13 @@ def set_value(element: Element, name: str, value: str) -> Splice:
 
 
 class _Notation(Struct, frozen=True):
-    """How one kind of text is written."""
+    """The written form of one kind of text."""
 
     unit: re.Pattern[str]
     """Matches the written form of one unit of the text."""
     escape: Callable[[str], str]
     read: Callable[[str, bool], str]
-    """Returns the value of a unit. The second argument says whether the text has several lines."""
+    """Returns the value of a unit. The second argument: whether the text has several lines."""
 
 
 def _read_text(unit: str, broken: bool) -> str:
@@ -131,7 +131,7 @@ _CDATA = _Notation(_TEXT_UNIT, lambda piece: piece, _read_cdata)
 
 
 def _smallest(file: str, start: int, raw: str, new: str, notation: _Notation) -> Splice:
-    """Replace only the part that differs between a written text and a new one."""
+    """Replace only the part of a written text that differs from the new one."""
     units = [found.group() for found in notation.unit.finditer(raw)]
     broken = "\n" in raw or "\r" in raw
     read = [notation.read(unit, broken) for unit in units]
@@ -156,9 +156,9 @@ def _smallest(file: str, start: int, raw: str, new: str, notation: _Notation) ->
 
 
 def set_attributes(element: Element, values: Mapping[str, str | None], order: Sequence[str]) -> list[Splice]:
-    """Set attributes of an element; those that are not named stay unchanged.
+    """Set attributes of an element; others stay unchanged.
 
-    :param values: None removes the attribute. An attribute that has the value already is not changed.
+    :param values: None removes the attribute. An attribute that already has the value is not changed.
     :param order: all possible attributes: a new one goes after the last one that precedes it here.
     """
     written, file = element.written_attributes(), element.tree.name
@@ -188,7 +188,7 @@ def set_attributes(element: Element, values: Mapping[str, str | None], order: Se
 
 
 def _place_of_gone(name: str, gone: Set[str], kept: list[int], order: Sequence[str]) -> str | None:
-    """The removed attribute whose place a new one takes: the first, if none that stays belongs between them."""
+    """The removed attribute whose place a new one takes: the first, if no remaining one belongs between them."""
     rank = order.index(name)
     for each in sorted(gone, key=order.index):
         between = range(*sorted((rank, order.index(each))))
@@ -206,13 +206,13 @@ def _blanks(element: Element, attribute: WrittenAttribute) -> str:
 
 
 WIDTH = 120
-"""The longest line where possible, in columns."""
+"""Maximum columns of a line, where possible."""
 _INDENT = "  "
 ACT_WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 """The wrapper elements of a file's acts."""
 RULE_WRAPPERS = ("InteractionRules",)
 WRAPPERS = (*ACT_WRAPPERS, *RULE_WRAPPERS)
-"""Their children are not indented, with an empty line between those that take several lines."""
+"""Their children are not indented, with an empty line between those of several lines."""
 
 
 class _Node:
@@ -229,9 +229,9 @@ class _Node:
         """Before the end tag."""
         self.end = ""
         self.inner = ""
-        """Everything between the tags, as written."""
+        """All text between the tags, as written."""
         self.is_verbatim = True
-        """Whether its content stays as written: it holds text, or no element."""
+        """Whether its content stays as written: it contains text, or no element."""
         self.height = 0
         if element is not None:
             self._read(element)
@@ -323,7 +323,7 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
 
 
 def _can_follow(line: str, written: str, node: _Node) -> bool:
-    """Whether a leaf stays on the line of the leaf before it: both are leaves, and there is room."""
+    """Whether a leaf stays on the line of the previous leaf: there is room, and both are leaves."""
     last = line.rstrip()
     behind_leaf = bool(re.search(r"(</[^>]*>|/>|-->)$", last)) and "\n" not in last
     return behind_leaf and not node.written.endswith("/>") and len(line) + len(node.gap) + len(written) <= WIDTH
@@ -352,7 +352,7 @@ def _inner(node: _Node) -> str:
 
 
 def _tag(node: _Node, indent: str) -> str:
-    """A start tag with one blank between attributes. It takes several lines only if it does not fit in one."""
+    """A start tag with one blank between attributes. It takes several lines only if it is too long."""
     element = node.element
     assert element is not None, "only elements have tags"
     text, closing = element.tree.text, "/>" if element.is_closed else ">"

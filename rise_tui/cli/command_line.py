@@ -1,6 +1,6 @@
-"""The command line, and the plain terminal before any screen: login, progress, which session to attach to.
+"""The command line, and the plain terminal before any screen: login, progress, choice of a session.
 
-Knows neither sockets nor Textual.
+Uses neither sockets nor Textual.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     sets: tuple[str, ...] = ()
     """Start values of the memory, as written: `KEY=JSON`."""
     places: tuple[str, ...] = ()
-    """Where acts, rules and memory are read, as written: `KIND=PATH`."""
+    """The paths of acts, rules and memory, as written: `KIND=PATH`."""
     new: bool = False
     recover: bool = False
     here: bool = False
@@ -70,7 +70,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     replay: str | None = None
     shadow: str | None = None
     at: str | None = None
-    """Where a shadow begins, as written."""
+    """The start of a shadow, as written."""
     speed: float = 1.0
     display: DisplayOptions = DisplayOptions()
     keys: str | None = None
@@ -83,12 +83,12 @@ class CommandLine(Struct, frozen=True, kw_only=True):
 
     @property
     def unfinished(self) -> str:
-        """What to do about an earlier session that did not end."""
+        """What to do with an earlier session that did not end."""
         return "new" if self.new else "recover" if self.recover else "ask"
 
     @property
     def only_for_new(self) -> list[str]:
-        """The given options that mean nothing to a running session."""
+        """The given options that have no meaning for a running session."""
         return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
 
     @property
@@ -110,7 +110,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
 
     @property
     def settings(self) -> SessionOptions:
-        """What a session is started with."""
+        """The options for starting a session."""
         return SessionOptions(
             self.folder or "",
             self.robot,
@@ -129,7 +129,7 @@ class PlainTerminal:
 
     @property
     def interactive(self) -> bool:
-        """Whether the program can ask somebody."""
+        """Whether the program can ask a person."""
         return sys.stdin.isatty() and sys.stdout.isatty()
 
     def print_line(self, line: str) -> None:
@@ -137,7 +137,7 @@ class PlainTerminal:
         click.echo(line)
 
     def read_answer(self, question: str) -> str | None:
-        """The answer, or None when nobody answers any more."""
+        """Return the answer; None: there is no more input."""
         try:
             return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
         except click.Abort:
@@ -146,7 +146,7 @@ class PlainTerminal:
 
 
 class ProgressLine:
-    """The progress of an engine that is still starting, on one line of the terminal that is overwritten."""
+    """The progress of a starting engine, on one line of the terminal that is overwritten."""
 
     def __init__(self) -> None:
         self._is_shown = False
@@ -163,11 +163,11 @@ class ProgressLine:
 
 
 UNNAMED: Final = {"wizard": "wizard", "observer": "observer"}
-"""The name in a real session's record when nobody gave one. A login is often a person's name."""
+"""The name in a real session's record if none is given. A login is often a person's name."""
 
 
 def login_name() -> str:
-    """The user's login, or `wizard` if the system knows none."""
+    """Return the user's login, or `wizard` if the system has none."""
     try:
         return getuser()
     except (KeyError, OSError):
@@ -175,12 +175,12 @@ def login_name() -> str:
 
 
 def not_started(*lines: str, status: int = USAGE) -> Refused:
-    """The error that ends the program before it starts or attaches to anything; the lines say why."""
+    """The error that ends the program before it starts or attaches to anything. The lines give the reason."""
     return Refused(status=status, findings=lines)
 
 
 def read_key_file(named: str | None) -> KeyFile | None:
-    """The user's key file, as named on the command line; None without one. Brings Textual. Raises Refused."""
+    """Read the user's key file, as named on the command line; None without one. Imports Textual. Raises Refused."""
     path = key_file_path(named)
     if path is None:
         return None
@@ -195,7 +195,7 @@ def read_key_file(named: str | None) -> KeyFile | None:
 NOT_OFFERED_AGAIN = "The earlier record stays as it is, and is not offered again."
 OFFERED_AGAIN = "What did not end stays as it is, and can be recovered later."
 NARROWEST_WIDTH = 79
-"""Cells of a line that fits every terminal that consoles are made for."""
+"""Cells of a line that fits every supported terminal."""
 
 
 class Prompter(Protocol):
@@ -207,16 +207,16 @@ class Prompter(Protocol):
     def print_line(self, line: str) -> None: ...
 
     def read_answer(self, question: str) -> str | None:
-        """The answer, or None when nobody answers any more."""
+        """Return the answer; None: there is no more input."""
         ...
 
 
 def choose_session(
     found: Mapping[str, SessionSummary | None], terminal: Prompter, list_unfinished: Callable[[], Sequence[str]] = tuple
 ) -> str:
-    """The name of the running session to attach to: the only one, or the one that is chosen by its number.
+    """Return the name of the running session to attach to: the only one, or the one chosen by its number.
 
-    A session whose description is None does not answer. The list still shows it, because it may be the one wanted.
+    A session whose description is None does not answer. The list still shows it, because it may be the wanted one.
     `list_unfinished`: lines about sessions that did not end. Raises Refused.
     """
     if not found:
@@ -261,7 +261,7 @@ def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
 
 
 def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:
-    """Check that a running session is the one that was asked for. Raises Refused when it is not."""
+    """Check that a running session is the requested one. Raises Refused if not."""
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c)"
     if options.new:
@@ -282,7 +282,7 @@ def choose_recovery(
     others: Sequence[tuple[str, str]] = (),
     participant: str = "",
 ) -> str:
-    """What to do about sessions that did not end: `new`, or the folder of the one to recover.
+    """Choose what to do about sessions that did not end: `new`, or the folder of the one to recover.
 
     `unfinished`: folder and a sentence, the latest first. `others`: unfinished sessions of other participants than the
     requested `participant`. They are shown, but cannot be chosen. Raises Refused.
@@ -349,7 +349,7 @@ def _print_sessions(sessions: Sequence[tuple[str, str]], terminal: Prompter, *, 
 
 
 def _print_wrapped(terminal: Prompter, lead: str, sentence: str) -> None:
-    """Print a sentence on as many lines as it needs on the narrowest terminal."""
+    """Print a sentence on the lines that it needs on the narrowest terminal."""
     for at, line in enumerate(wrap(sentence, NARROWEST_WIDTH - len(lead))):
         terminal.print_line(f"{lead if at == 0 else ' ' * len(lead)}{line}")
 

@@ -53,7 +53,7 @@ def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: st
 
 
 def _participant(socket: str) -> str:
-    """The participant's name. Empty while the session does not give one."""
+    """The participant's name; empty: unknown."""
     try:
         summary = ask_summary(socket)
     except RegistryError:

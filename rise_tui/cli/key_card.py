@@ -1,4 +1,4 @@
-"""The key card, `rise-tui keys DIR`: what every key does, on paper to lay beside the keyboard.
+"""The key card, `rise-tui keys DIR`: all keys and their functions, printed on paper.
 
 It is made from the scenario and the registry of actions, with this user's own keys.
 """
@@ -56,10 +56,10 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 
 
 class KeyCardEntry(NamedTuple):
-    """One thing that a key does."""
+    """One function of a key."""
 
     keys: tuple[str, ...]
-    """In a person's words; the first is the usual one."""
+    """The keys in people's words; the first is the usual one."""
     title: str
     help: str = ""
     marks: tuple[str, ...] = ()
@@ -103,7 +103,7 @@ def print_card(folder: str | None, html: str | None, keys: str | None) -> int:
 
 
 def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
-    """What the scenario's keys do, kind by kind, then the console's keys."""
+    """Return the functions of the scenario's keys, by kind, then the console's keys."""
     for function, title in KINDS.items() if scenario is not None else ():
         assert scenario is not None
         bindings = [binding for binding in scenario.keys.values() if binding.function == function]
@@ -143,7 +143,7 @@ def _act_marks(scenario: Scenario, act: str) -> tuple[str, ...]:
 
 
 def printed_key(key: str) -> str:
-    """A key as it is printed on the keyboard: `F9`, `ctrl+g`, `?`, `shift+up`."""
+    """A key as printed on the keyboard: `F9`, `ctrl+g`, `?`, `shift+up`."""
     return key if key.startswith(("ctrl+", "shift+")) or (key.isalpha() and key not in _MARKS) else key_label(key)
 
 

@@ -24,13 +24,13 @@ _COMMANDS = {
     "info": ("rise_tui.cli.info:info", "Print what a bug report needs."),
     "keys": ("rise_tui.cli.key_card:keys", "Print a card with all keys."),
 }
-"""Where each subcommand is, and its line in the help. Most of them import Textual."""
+"""The place of each subcommand, and its line in the help. Most of them import Textual."""
 _NAMES = ("participant", "condition", "language", "wizard")
-"""Options that mean nothing when they are empty."""
+"""Options that have no meaning when they are empty."""
 
 
 class _Program(LazyGroup):
-    """The command group. It leaves the arguments after `--ros-args` to the session's connection to ROS."""
+    """The command group. It passes the arguments after `--ros-args` to the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)

@@ -1,4 +1,4 @@
-"""Opens a console on a session and shows it until somebody leaves. Prepare Textual before you import this module."""
+"""Opens a console on a session and shows it until it is left. Prepare Textual before importing this module."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def run_console(
         ui_state=ui_state,
     )
     app.run(mouse=options.display.mouse)
-    if app.exit_message and app.terminal_writer is not None:  # which gives a stalled terminal up
+    if app.exit_message and app.terminal_writer is not None:  # it gives up a stalled terminal
         app.terminal_writer.write(f"{app.exit_message}\n")
     return app.return_code or 0
 
@@ -89,9 +89,9 @@ def run_console(
 def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     """The name of the person at this console, and a remark about it.
 
-    A wizard who returns to a session without a name gets the name that held control last. Sessions belong to one user
-    of the machine, so that wizard is the one who lost a console. Otherwise the name is the login. A real session, whose
-    record is about a participant, gets no name at all.
+    A wizard who returns to a session without a name gets the name of the last holder of control. Sessions belong to one
+    user of the machine, so that is the wizard who lost a console. Otherwise the name is the login. A real session,
+    whose record is about a participant, gets no name at all.
     """
     if options.wizard is not None:
         return options.wizard, ""
@@ -114,14 +114,14 @@ def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
 
 _USUAL_ROS = RosConnection()
 ENGINE_EXIT_SECONDS = 10.0
-"""Seconds that an engine that has just ended may take to close its record and release its name."""
+"""Seconds for an ended engine to close its record and release its name."""
 
 
 def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, is_named: bool = True) -> Launcher:
     """A launcher for the next session, for the recovery of this one, and for the study that this session belongs to.
 
-    `ros`: how that study's sessions reach ROS 2. `is_named`: whether somebody gave that name. A login is not written
-    into the record of a real session.
+    `ros`: the connection of that study's sessions to ROS 2. `is_named`: whether the name was given. A login is not
+    written into the record of a real session.
     """
 
     def start(scenario: Scenario, settings: SessionOptions) -> Client:
@@ -155,7 +155,7 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
             return RecoveredClient(SocketClient(found.socket, who, role))
         if name not in running_names():
             raise EngineGone("nobody has recovered it yet")
-        return RecoveredClient(SocketClient(name, who, role))  # somebody else has recovered it
+        return RecoveredClient(SocketClient(name, who, role))  # another console has recovered it
 
     return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))
 
@@ -169,7 +169,7 @@ def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient,
     """Make the client that plays the session's cues, and find the name of the person at this console. Writes nothing
     yet.
 
-    :raises Refused: there is no such session, nobody says who judges, or somebody must decide about an earlier shadow.
+    :raises Refused: there is no such session, the judge's name is missing, or an earlier shadow needs a decision.
     """
     try:
         folder = find_session(str(expand_home(options.shadow or "")))
@@ -193,7 +193,7 @@ def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient,
 
 
 def _name_judge(options: CommandLine, terminal: Prompter) -> str:
-    """Ask for the name. Never take the last session's: its wizard may be the person that the judge is compared with."""
+    """Ask for the name. The last session's name is never used: its wizard may be the one to compare with."""
     name = options.wizard
     if name is None and terminal.interactive:
         name = (terminal.read_answer(QUESTION) or "").strip()

@@ -1,7 +1,7 @@
-"""Finds or starts the session that the command line asks for, and opens a console on it.
+"""Finds or starts the requested session, and opens a console on it.
 
-The modules for the console are imported after the engine's process has started, because the two start side by side (150
-ms). The import must also come after the terminal's colours are settled, because Textual reads them then.
+The modules for the console are imported after the engine's process has started, so that both start side by side (saves
+150 ms). The terminal's colours must be settled first, because Textual reads them at import.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 def start(options: CommandLine) -> NoReturn:
-    """Do what the command line asks for; ends the process with its exit status."""
+    """Do what the command line requests. Ends the process with its exit status."""
     options = replace(options, display=with_detected_colors(options.display, os.environ))
     prepare_textual(options.display)  # before anything imports Textual
     keys = read_key_file(options.keys)
@@ -84,7 +84,7 @@ def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """Attach to the scenario's running session, if it is the one that was asked for."""
+    """Attach to the scenario's running session, if it is the requested one."""
     check_matches(name, ask_summary(name), options)
     _open_console(name, options, keys)
 
@@ -119,7 +119,7 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
         first_tasks=_first_inputs(options),
     )
     engine = EngineProcess(wanted)
-    # The engine's process takes as long to start as the import of the console: do both at once.
+    # The engine's process takes as long to start as the import of the console, so both run together.
     from rise_tui.cli import open_console
 
     progress = ProgressLine()
@@ -131,20 +131,20 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
         found = start_engine(replace(wanted, unfinished=chosen), progress.overwrite)
         progress.clear()
     if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
-        _join(found.socket or name, options, keys)  # somebody has just started it, here or elsewhere
+        _join(found.socket or name, options, keys)  # another console has just started it
     if isinstance(found, EngineRefused):
         _print_refusal(found.lines, settings.folder, found.code)
     unused = options.only_for_new if found.recovered else []
     notice = launch.startup_notice(found) + (
         f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
     )
-    if not found.recovered:  # in a recovered session, somebody already has a name
+    if not found.recovered:  # a recovered session already has a name
         options, notice = with_name, "; ".join(filter(None, (notice, remark)))
     sys.exit(open_console.run_on_session(found.name, settings, options, keys, notice=notice))
 
 
 def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> None:
-    """Refuse to go on without a terminal. Asking about a session that did not end needs one, too."""
+    """Refuse to continue without a terminal, which the choice of a session that did not end also needs."""
     if PlainTerminal().interactive:
         return
     asks = options.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
@@ -152,12 +152,12 @@ def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> 
 
 
 def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
-    """The inputs that a new session begins with. Ends the command if they cannot be used."""
+    """Return the first inputs of a new session. Ends the command if they cannot be used."""
     return tuple(parse_assignments(options.sets))
 
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
-    """Check the keys before an engine starts for a console that would then refuse to open."""
+    """Check the keys before an engine starts for a console that then refuses to open."""
     from rise_tui.config.key_file import how_to_fix
 
     prepared = launch.load_scenario(settings)
@@ -259,7 +259,7 @@ def find_elsewhere(settings: SessionOptions) -> str:
 
 
 def is_study(named: str) -> bool:
-    """Whether the named folder or file is a study. Light: this reads nothing of the study."""
+    """Whether the named folder or file is a study. Light: reads nothing of the study."""
     path = expand_home(named)
     return bool(named.strip()) and (path if path.name == STUDY_FILE else path / STUDY_FILE).is_file()
 
@@ -284,15 +284,15 @@ QUESTION = "Your name, as the record is to have it (a short one; enter: none)?"
 
 
 def last_wizard(options: CommandLine) -> str:
-    """The last wizard's name. Empty: nobody gave one, or `--fresh` forgets it."""
+    """The last wizard's name; empty: none, or `--fresh` forgets it."""
     return "" if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].wizard
 
 
 def name_wizard(options: CommandLine, is_real: Callable[[], bool], terminal: Prompter) -> tuple[CommandLine, str]:
-    """The command line with the wizard's name for a new session, and a remark about it.
+    """Return the command line with the wizard's name for a new session, and a remark about it.
 
     Without `--wizard` it is the last wizard's name. If there is none, a real session asks for it. A session in debug
-    mode begins with the login, which is nobody's name.
+    mode uses the login.
     """
     if options.wizard is not None:
         return options, ""

@@ -1,4 +1,4 @@
-"""A study in its folder, for a console: reads its files, starts its sessions' engines, writes what people decide."""
+"""A study in its folder, for a console: reads its files, starts its sessions' engines, writes decisions."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from rise_tui.config.preferences import expand_home
 from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
-"""Bytes at the end of a journal, more than its last lines take."""
+"""Bytes at the end of a journal that contain its last lines."""
 WATCHED = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
 """Files of a study that are watched for changes."""
 
@@ -64,7 +64,7 @@ def open_study(named: str, ros: RosConnection) -> StudyFolder:
 
 
 def find_study(attach_reply: AttachReply, ros: RosConnection) -> StudyFolder | None:
-    """The study of a console's session. None: the session has no study, or the study is not on this computer."""
+    """The study of a console's session; None: there is none, or it is not on this computer."""
     folder = study_of_session(Path(attach_reply.folder)) if attach_reply.folder else None
     return StudyFolder(str(folder), ros) if folder is not None else None
 
@@ -73,7 +73,7 @@ class StudyFolder:
     """Implements `rise_tui.config.launch.StudySource`."""
 
     def __init__(self, folder: str, ros: RosConnection) -> None:
-        """`ros`: how sessions that begin here reach ROS 2."""
+        """`ros`: the connection of sessions that begin here to ROS 2."""
         self.folder, self._ros = folder, ros
         self._root = Path(folder, SESSIONS)
         self._running: tuple[Path, ...] = ()
@@ -82,7 +82,7 @@ class StudyFolder:
     # --- reading ----------------------------------------------------------------------------------------------------
 
     def load(self) -> StudyNow:
-        """The study as it is now."""
+        """Return the study in its present state."""
         checked = load_study(self.folder)
         problems = [str(each) for each in checked.errors]
         if checked.study is not None:
@@ -101,7 +101,7 @@ class StudyFolder:
         return StudyNow(state.study, self._with_lengths(state.standing), after=after)
 
     def _with_lengths(self, standing: StudyStanding) -> StudyStanding:
-        """Add the length of each session that nobody has judged. The study's log knows only the others."""
+        """Add the length of each session without an outcome. The study's log has only the others."""
 
         def measured(entry: SessionEntry) -> SessionEntry:
             if entry.outcome is not None or entry.status == "running":
@@ -126,7 +126,7 @@ class StudyFolder:
     # --- previews ---------------------------------------------------------------------------------------------------
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
-        """What would run if every check passes."""
+        """Return what would run if every check passes."""
         state = self._state()
         study = state.study
         mode = "debug" if request.purpose == "debug" else study.mode
@@ -186,7 +186,7 @@ class StudyFolder:
         return await run_check(check, context)
 
     def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-        """Write down the result of a check."""
+        """Write the result of a check."""
         try:
             append_checked(check, context, report)
         except (StudyLogError, OSError) as error:
@@ -197,7 +197,7 @@ class StudyFolder:
     def start(
         self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
     ) -> StartedSession:
-        """Begin a session. Its engine decides under the study's lock whether it can."""
+        """Begin a session. Its engine decides under the study's lock whether that is possible."""
         request = plan.request
         options = SessionOptions(
             "",
@@ -214,7 +214,7 @@ class StudyFolder:
         return self._start_engine(options, wizard, report)
 
     def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
-        """Continue a session that did not end. The options name its folder and its participant."""
+        """Continue a session that did not end. The options have its folder and its participant."""
         options = SessionOptions(
             "",
             participant=entry.participant,
@@ -229,7 +229,7 @@ class StudyFolder:
     def _start_engine(self, options: SessionOptions, wizard: str, report: ReportProgress) -> StartedSession:
         found = start_engine(options, report)
         if isinstance(found, EngineRefused):
-            if found.socket:  # somebody else has just started or continued it
+            if found.socket:  # another console has just started or continued it
                 return self._reach(found.socket, wizard)
             raise StudyError("; ".join(found.lines))
         who = wizard or _last_wizard(found.name)
@@ -262,7 +262,7 @@ class StudyFolder:
             raise StudyError(_one_line(error)) from None
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
-        """Write down how a session counts that has ended, or that nobody continues."""
+        """Write how a session counts that has ended, or that will not continue."""
         try:
             with OpenStudy(Path(self.folder)) as study:
                 source = f"wizard:{wizard}"
@@ -297,12 +297,12 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def _all_passed(study: Study) -> tuple[CheckReport, ...]:
-    """Reports of all checks before a session, as passed."""
+    """Return reports of all checks before a session, as passed."""
     return tuple(CheckReport(id=check.id, result="passed") for check in study.checks if check.when == "before")
 
 
 def _last_wizard(name: str) -> str:
-    """The wizard who held control of a session last. Empty: the session does not say."""
+    """The wizard who last held control of a session; empty: unknown."""
     try:
         found = ask_summary(name)
     except RegistryError:

@@ -1,4 +1,4 @@
-"""How this terminal shows the console: colours, mouse, frames. Pure except for `prepare_textual`; knows no Textual.
+"""How this terminal shows the console: colours, mouse, frames. Pure except for `prepare_textual`; without Textual.
 
 Textual reads these decisions from the environment when it is imported.
 """
@@ -16,17 +16,17 @@ ColorSystem: TypeAlias = Literal["truecolor", "256", "16", "mono"]
 
 MOST_FRAMES = 60
 USUAL_FRAMES = 15
-"""Frames a second. That is enough for a screen that nobody films, and a key still shows immediately."""
+"""Frames a second, enough for a screen that is not filmed. A key still shows immediately."""
 
 _RICH_NAMES: dict[ColorSystem, str] = {"truecolor": "truecolor", "256": "256", "16": "standard", "mono": "standard"}
 _COLORLESS_TERMINALS = ("dumb", "vt52", "vt100", "vt102", "vt220", "vt320", "unknown")
 
 
 class DisplayOptions(Struct, frozen=True):
-    """What the command line says about the display."""
+    """The options of the command line for the display."""
 
     theme: str = ""
-    """Empty: the one that was used last."""
+    """Empty: the last used one."""
     colors: str = "auto"
     mouse: bool = True
     fps: int = USUAL_FRAMES
@@ -40,7 +40,7 @@ class DetectedColors(NamedTuple):
 
 
 def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DetectedColors:
-    """What this terminal can show. The command line decides first, then NO_COLOR, then what the terminal reports.
+    """Detect the colours of this terminal: from the command line, then NO_COLOR, then the terminal's report.
 
     A terminal that reports nothing gets sixteen colours, because they work on every colour terminal.
     """
@@ -64,12 +64,12 @@ def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> De
 
 
 def with_detected_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DisplayOptions:
-    """Replace `auto` by the detected colours. Once only: `prepare_textual` removes part of what detection reads."""
+    """Replace `auto` by the detected colours. Only once: `prepare_textual` removes part of the detection's input."""
     return replace(display, colors=detect_colors(display, environment).system)
 
 
 def choose_theme(display: DisplayOptions, detected: DetectedColors, remembered: str) -> str:
-    """The theme's name: from the command line, or what the colours allow, or the one that was used last."""
+    """Return the theme's name: from the command line, or as the colours allow, or the last used one."""
     if detected.system == "mono":
         return "mono"
     if display.theme:
@@ -80,10 +80,10 @@ def choose_theme(display: DisplayOptions, detected: DetectedColors, remembered: 
 
 
 def prepare_textual(display: DisplayOptions, environment: MutableMapping[str, str] = os.environ) -> DetectedColors:
-    """Set in the environment what Textual reads there on import. Animations are off: they cost the link too much."""
+    """Set the environment that Textual reads on import. Animations are off, because they load the link too much."""
     detected = detect_colors(display, environment)
     environment.setdefault("TEXTUAL_ANIMATIONS", "none")
     environment["TEXTUAL_FPS"] = str(display.fps)
     environment["TEXTUAL_COLOR_SYSTEM"] = _RICH_NAMES[detected.system]
-    environment.pop("NO_COLOR", None)  # the theme handles it; Textual would turn the terminal's colours grey
+    environment.pop("NO_COLOR", None)  # the theme handles it; Textual would make the terminal's colours grey
     return detected

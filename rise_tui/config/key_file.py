@@ -31,16 +31,16 @@ class KeyFile(Struct, frozen=True):
     """The contents of a user's key file."""
 
     path: Path | None = None
-    """None: there is no such file."""
+    """None: no such file."""
     keys: dict[str, tuple[str, ...]] = {}
     """The keys of each action that differ from the usual ones, in Textual's spelling."""
     problems: tuple[Diagnostic, ...] = ()
-    """Everything that is wrong with the file. With any problem, no console starts."""
+    """All errors of the file. With any error, no console starts."""
     locations: dict[tuple[str, str], SourceLocation] = {}
     """The place in the file of each action's key."""
 
     def clashes(self, keys: Mapping[str, KeyBinding]) -> list[Diagnostic]:
-        """Keys that the scenario also binds. It would be a matter of luck what such a key does."""
+        """Return the keys that the scenario also binds. The effect of such a key would be arbitrary."""
         return [
             Diagnostic(
                 "error",
@@ -60,7 +60,7 @@ def textual_keymap(keys: KeyFile) -> dict[str, str]:
 
 
 def how_to_fix(path: Path | None) -> str:
-    """What to do when a key file prevents the console from starting."""
+    """Return the remedy for a key file that prevents the console from starting."""
     return f"no console was started: fix {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."
 
 
@@ -68,22 +68,22 @@ FIXED = {
     "escape": "it leaves whatever is open",
     **dict.fromkeys(("up", "down", "left", "right", "pageup", "pagedown", "home", "end"), "it moves in lists"),
 }
-"""Keys that no action can be given, unless it already has them."""
+"""Keys that no other action can have."""
 
 
 def read_keys(path: Path) -> KeyFile:
-    """Read and check a key file. Never raises; its diagnostics say what is wrong."""
+    """Read and check a key file. Never raises; its diagnostics contain the errors."""
     diagnostics = Diagnostics()
     source = FileReader(path.parent, diagnostics).read(path)
     file = read_toml(source, diagnostics) if source is not None else None
     own, locations = _KeyFileReader(file, diagnostics).read() if file is not None else ({}, {})
-    # With the file's whole path, because its name alone does not tell the folder.
+    # With the file's whole path, because its name alone does not show the folder.
     problems = tuple(replace(each, location=replace(each.location, file=str(path))) for each in diagnostics.sorted())
     return KeyFile(path, own, problems, locations)
 
 
 class _KeyFileReader:
-    """Checks a file table by table. It does not stop at the first mistake."""
+    """Checks a file table by table, without stopping at the first error."""
 
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
         self.file, self.error = file, diagnostics.error
@@ -175,7 +175,7 @@ def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[t
 
 def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both actions work at the same time."""
-    if {"study", "edit"} & {one.scope, other.scope}:  # on these screens few of the console's actions work
+    if {"study", "edit"} & {one.scope, other.scope}:  # few of the console's actions work on these screens
         return one.scope == other.scope or any(
             each.scope == "everywhere" or each.id in ON_STUDY_SCREEN for each in (one, other)
         )

@@ -1,7 +1,7 @@
-"""How a console starts sessions, alone or of a study, and what it sees of a study. Tests pass in others.
+"""How a console starts sessions, alone or of a study, and what it sees of a study. Tests use other implementations.
 
-The console knows no file of a study and no engine's process; `rise_tui.cli.study_folder` knows them. Only this module
-knows how an engine is started.
+The console uses no file of a study and no engine's process; `rise_tui.cli.study_folder` does. Only this module starts
+engines.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ class StudyNow(Struct, frozen=True):
 
     study: Study | None = None
     standing: StudyStanding | None = None
-    """None when the study does not load: nothing can start."""
+    """None: the study does not load, so nothing can start."""
     problems: tuple[str, ...] = ()
-    """What is wrong with it, one diagnostic each."""
+    """The errors of the study, one diagnostic each."""
     after: tuple[PendingCheck, ...] = ()
     """The checks after a session."""
 
 
 class SessionRequest(Struct, frozen=True):
-    """A session that somebody may want to begin."""
+    """A session that a person may want to begin."""
 
     participant: str
     purpose: Purpose = "counted"
     condition: str = ""
-    """Another condition than the participant's, for a rehearsal; empty: theirs."""
+    """A condition other than the participant's, for a rehearsal; empty: the participant's."""
     run: int = 0
-    """Which run; 0: the next."""
+    """The number of the run; 0: the next."""
 
 
 class SessionPreview(Struct, frozen=True):
@@ -62,7 +62,7 @@ class SessionPreview(Struct, frozen=True):
     request: SessionRequest
     run: PlannedRun
     slot: int | None
-    """The row of the plan that it holds or takes; None: it takes none."""
+    """The row of the plan that it has or takes; None: none."""
     attempt: int
     runs: int
     title: str
@@ -71,25 +71,25 @@ class SessionPreview(Struct, frozen=True):
     robot: str
     """In words for a person."""
     recorded: str
-    """The folder in which the session's own folder is created."""
+    """The folder for the session's own folder."""
     context: CheckContext
-    """What the checks are made for."""
+    """The context of the checks."""
     checks: tuple[PendingCheck, ...] = ()
     """The checks before the session; none in debug mode."""
     keys: dict[str, KeyBinding] = {}
     """Of the scenario."""
     recorders: str = ""
-    """What else records the session: `camera (obs), bag (rosbag2)`; empty: nothing."""
+    """The recorders of the session: `camera (obs), bag (rosbag2)`; empty: none."""
     language: str = ""
-    """The participant's language in the study; empty: the study does not say."""
+    """The participant's language in the study; empty: not given."""
     warning: str = ""
-    """A sentence that somebody else is next; empty: it is this participant's turn."""
+    """A sentence that another participant is next; empty: it is this participant's turn."""
     simulated: bool = False
     """Whether no robot moves, in any mode."""
     warnings: tuple[str, ...] = ()
     """Sentences about the robot, such as what F9 cannot stop."""
     unrecorded: str = ""
-    """Why the study's recorders do not record all of it, as a sentence; empty: they do, or there are none."""
+    """Why the study's recorders do not record all of it, in a sentence; empty: they do, or there are none."""
 
 
 class StartedSession(Struct, frozen=True):
@@ -109,24 +109,24 @@ class StudySource(Protocol):
     """Absolute."""
 
     def load(self) -> StudyNow:
-        """The study now. Never raises: the result contains what is wrong."""
+        """Return the present study. Never raises: the result contains the errors."""
 
     def fingerprint(self) -> object:
-        """A value that changes when anything that `load` reads changes."""
+        """A value that changes when any input of `load` changes."""
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
-        """What would run. Raises StudyError with the reason when nothing can."""
+        """Return what would run. Raises StudyError with the reason if nothing can."""
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:
         """Examine something, or run a program. A check that needs an answer returns a question. Never raises."""
 
     def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-        """Write down the result of a check, even if no session begins after it. Raises StudyError."""
+        """Write the result of a check, even if no session begins after it. Raises StudyError."""
 
     def start(
         self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
     ) -> StartedSession:
-        """Begin the session. Raises StudyError; then nothing has started."""
+        """Begin the session. Raises StudyError if nothing was started."""
 
     def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
         """Attach to a running session. Raises StudyError."""
@@ -135,11 +135,11 @@ class StudySource(Protocol):
         """Continue a session that did not end. Raises StudyError."""
 
     def report(self, folder: str) -> Document:
-        """The report of a session, by the name of its folder, for the wizard. A blinded study shows its conditions'
-        labels. This may take a second. Raises StudyError."""
+        """Return the report of a session, by its folder's name, for the wizard. A blinded study shows its conditions'
+        labels. May take a second. Raises StudyError."""
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
-        """Write down how a session counts that has ended, or that nobody continues. Raises StudyError."""
+        """Write how a session counts that has ended, or that will not continue. Raises StudyError."""
 
 
 class ScenarioProblems(Struct, frozen=True):
@@ -147,7 +147,7 @@ class ScenarioProblems(Struct, frozen=True):
 
     diagnostics: list[Diagnostic]
     sentence: str = ""
-    """Replaces the diagnostics when there is nothing to read."""
+    """Replaces the diagnostics if there is nothing to read."""
 
     @property
     def lines(self) -> list[str]:
@@ -190,7 +190,7 @@ def startup_notice(found: EngineStarted) -> str:
 
 @dataclass(frozen=True)
 class Launcher:
-    """How sessions are started. Tests pass in others."""
+    """How sessions are started. Tests use other implementations."""
 
     start: Callable[[Scenario, SessionOptions], Client]
     """May block. Raises EngineGone with the reason."""
@@ -198,11 +198,11 @@ class Launcher:
     recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None
     """Continue a session whose engine has gone, and report the progress. May block. Raises EngineGone."""
     find_study: Callable[[AttachReply], StudySource | None] = lambda attach_reply: None
-    """The study that a session belongs to, if its folder is in one."""
+    """The study of a session, if its folder is in one."""
 
 
 def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
-    """What a running session was started with."""
+    """The options with which a running session was started."""
     session = attach_reply.view.session
     return SessionOptions(
         attach_reply.scenario.folder,
@@ -222,14 +222,14 @@ def list_robots(folder: str) -> list[str]:
 
 
 class ScenarioSummary(Struct, frozen=True):
-    """What a folder's scenario says about robot, mode, paths and conditions. The rest of it is not read."""
+    """A scenario's robot, mode, paths and conditions, without the rest of it."""
 
     robots: list[str]
     robot: str
     mode: str
     paths: Mapping[str, str]
     conditions: Mapping[str, Condition] = {}
-    """By name. Empty for a scenario of an earlier version, which lists only names: no session can begin in one."""
+    """By name. Empty for a scenario of an earlier version, which lists only names and cannot begin with one."""
 
 
 def read_summary(folder: str) -> ScenarioSummary | None:
@@ -241,7 +241,7 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         file = path if path.suffix == ".toml" else path / SCENARIO_FILE
         values = tomllib.loads(file.read_text(encoding="utf-8-sig")) if file.exists() else {}
         names = list_robots(folder)
-    except (OSError, ValueError):  # loading it reports what is wrong
+    except (OSError, ValueError):  # loading it reports the errors
         return None
 
     def text(key: str, otherwise: str) -> str:
@@ -260,6 +260,6 @@ def read_summary(folder: str) -> ScenarioSummary | None:
 
 
 def is_real(settings: SessionOptions) -> bool:
-    """Whether a session with these settings would move a robot, as far as this is known before it loads."""
+    """Whether a session with these settings would move a robot, as far as known before it loads."""
     found = read_summary(settings.folder) if settings.mode is None else None
     return (settings.mode or (found.mode if found is not None else "")) == "real"

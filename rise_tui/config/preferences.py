@@ -1,11 +1,11 @@
-"""Where the user's own files are, and what a console restores the next time: layout, filters, theme, rows of the log.
+"""The paths of the user's own files, and the state that a console restores: layout, filters, theme, rows of the log.
 
     $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui     0700
         console.json                                         0600
         lablinking-3f09ac.json      one for each scenario's folder
 
-Nothing here is worth an error. A file that cannot be read is skipped with one sentence. A file that cannot be written
-loses only these settings.
+Nothing here raises errors. An unreadable file is skipped with one sentence. A file that cannot be written loses only
+these settings.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KEY_FILE_NAME = "keys.toml"
 PREFERENCES_NAME = "console.json"
 """The file in the state folder with the preferences of all of a user's consoles."""
 USUAL_KEYS = "none"
-"""In place of a key file's name: the usual keys."""
+"""Instead of a key file's name: the usual keys."""
 
 
 def config_folder() -> Path:
@@ -54,7 +54,7 @@ def abbreviate_home(folder: str) -> str:
 
 
 def expand_home(path: str) -> Path:
-    """Replace `~` by the home folder. Unlike `Path.expanduser` it never raises, because people are still typing."""
+    """Replace `~` by the home folder. Unlike `Path.expanduser` it never raises, because the text may be incomplete."""
     return Path(os.path.expanduser(path))  # noqa: PTH111
 
 
@@ -84,17 +84,17 @@ class SavedLayout(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     layout: dict[str, str] = {}
     """The result of `Layout.layout_state`."""
     filters: dict[str, str] = {}
-    """By pane; empty ones are left out."""
+    """By pane, without empty ones."""
     session: str = ""
-    """The folder of the session that it showed. The same session restores everything. A new session restores only the
-    lower pane, so that the next participant begins with the rule in front and without filters."""
+    """The folder of its session. The same session restores everything. A new session restores only the lower pane, so
+    that the next participant begins with the rule in front and without filters."""
 
 
 Saved = TypeVar("Saved", Preferences, SavedLayout)
 
 
 def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
-    """The contents of a file, and a sentence if it was not used. Never raises."""
+    """Read a file. Returns its contents, and a sentence if it was not used. Never raises."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -112,7 +112,7 @@ def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
 
 
 def write_saved(path: Path, kept: Preferences | SavedLayout) -> str:
-    """Write the file as a whole or not at all; returns why it failed, if it did. May block."""
+    """Write the file completely or not at all. Returns the reason of a failure, or empty. May block."""
     try:
         path.parent.mkdir(0o700, parents=True, exist_ok=True)
         beside = path.with_name(f".{path.name}-{os.getpid()}-{threading.get_ident()}")

@@ -1,4 +1,4 @@
-"""What a session is started with. Light: the engine's process starts before anything else is imported."""
+"""The options for starting a session. Light: the engine's process starts before anything else is imported."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_tui.config.preferences import expand_home
 
 
 def engine_options(settings: SessionOptions, seed: int | None, recover: str) -> SessionOptions:
-    """What the engine's process is started with."""
+    """Return the options for starting the engine's process."""
     return replace(settings, folder=scenario_path(settings), seed=seed, unfinished=recover)
 
 
@@ -24,7 +24,7 @@ def scenario_path(settings: SessionOptions) -> str:
 
 
 def why_no_scenario(settings: SessionOptions) -> str:
-    """Why there is nothing to read, in a sentence; empty if there is something."""
+    """Why there is nothing to read, in a sentence; empty: there is."""
     if not settings.folder.strip():
         return "name a folder"
     folder = scenario_folder(settings.folder)
@@ -37,7 +37,7 @@ def why_no_scenario(settings: SessionOptions) -> str:
 
 
 def find_scenario(folder: str) -> Path:
-    """The path that a scenario's name means: a folder, a file, or a shipped study if neither exists."""
+    """Return the path that a scenario's name means: a folder, a file, or a shipped study if neither exists."""
     return Path(resolve_study(str(expand_home(folder)))) if folder.strip() else expand_home(folder)
 
 

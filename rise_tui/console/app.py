@@ -38,9 +38,9 @@ from rise_tui.screens.session_forms import end_session_dialog
 from rise_tui.screens.settings import SettingsScreen
 
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
-"""Keys that count even among others that came in one piece."""
+"""Keys that count even in one piece with other keys."""
 DETACH_PATIENCE = 2.0
-"""Seconds that detaching from a session that goes on may take."""
+"""Seconds for detaching from a session that continues."""
 
 
 class ConsoleApp(RiseApp):
@@ -64,10 +64,10 @@ class ConsoleApp(RiseApp):
         """`client`: a running session; None: the screen of `study` opens. `launcher`: starts another session, or this
         one's engine again.
 
-        `wizard`: who sits here. With a study it may be empty; then the console asks for it and suggests `login` in
-        debug mode. `participant`: where the cursor of the study's screen begins. `settings`: what the session was
-        started with; None: what the session reports itself. `notice`: the first remark about the session. Without
-        `ui_state` nothing is restored or saved.
+        `wizard`: the wizard's name. With a study it may be empty; then the console asks for it and suggests `login` in
+        debug mode. `participant`: the first row of the cursor on the study's screen. `settings`: the session's options;
+        None: as the session reports them. `notice`: the first remark about the session. Without `ui_state` nothing is
+        restored or saved.
         """
         self._keys = keys or KeyFile()
         super().__init__(theme, self._keys)
@@ -83,7 +83,7 @@ class ConsoleApp(RiseApp):
         self._signal: signal.Signals | None = None
         self._handlers: dict[signal.Signals, Any] = {}
         self.exit_message = ""
-        """What the terminal shows after the console has gone."""
+        """The terminal's text after the end of the console."""
 
     async def on_mount(self) -> None:
         loop = asyncio.get_running_loop()
@@ -103,7 +103,7 @@ class ConsoleApp(RiseApp):
             await self._show_study(self._notice)
 
     def on_unmount(self) -> None:
-        if self._signal is None:  # else they stay: a second signal must not interrupt the end
+        if self._signal is None:  # otherwise they stay: a second signal must not interrupt the end
             for number, before in self._handlers.items():
                 signal.signal(number, before)
 
@@ -156,7 +156,7 @@ class ConsoleApp(RiseApp):
     async def _start_session(self, scenario: Scenario, settings: SessionOptions, notice: str = "") -> None:
         """Start a session and attach to it.
 
-        :param notice: what people have to know of the session before.
+        :param notice: what people must know of the session before.
         """
         try:
             client = await asyncio.to_thread(self._launcher.start, scenario, settings)
@@ -177,7 +177,7 @@ class ConsoleApp(RiseApp):
             await self._exit_without_session("\n".join((*map(str, clashes), how_to_fix(self._keys.path))), code=2)
             return
         self._session = session
-        # Also while we cannot tell whether it has a study: a session that has just begun has no record yet.
+        # Also while it is unknown whether it has a study: a session that has just begun has no record yet.
         self.run_worker(self._day.read(session, self._launcher.find_study), group="study")
         if self._settings is None:
             self._settings = settings_of_session(session.store.attach_reply)
@@ -193,7 +193,7 @@ class ConsoleApp(RiseApp):
         self.run_worker(asyncio.to_thread(save_all, self._ui_state.mark_tour_seen()), group="keep")
 
     def _save_ui_state(self, *, at_once: bool = False) -> None:
-        """Write what has changed on the screen, off the loop: a disk may be slow."""
+        """Write the changes of the screen, off the loop, because a disk may be slow."""
         console = self.console_screen
         if console is None:
             return
@@ -204,7 +204,7 @@ class ConsoleApp(RiseApp):
                 self.run_worker(asyncio.to_thread(save_all, changed), group="keep")
 
     async def _exit_without_session(self, message: str, code: int = 1) -> None:
-        """Without a session there is nothing to show, except the screen of a study."""
+        """Exit, because there is no session to show, or return to the screen of a study."""
         if self.study_screen is not None:
             await self._show_study(message)
             return
@@ -222,7 +222,7 @@ class ConsoleApp(RiseApp):
             self.run_worker(self._restart(*chosen), exclusive=True, group="restart")
 
     async def _restart(self, scenario: Scenario, settings: SessionOptions) -> None:
-        """End the running session, and start another one only when it has certainly ended."""
+        """End the running session, and start another one when it has certainly ended."""
         if self._session is None or not self._check_may_end(self._session):
             return
         if clashes := self._keys.clashes(scenario.keys):
@@ -242,7 +242,7 @@ class ConsoleApp(RiseApp):
         await self._start_session(scenario, settings, warning)
 
     async def _close_console_screen(self) -> None:
-        """Close the screen of the last session, and everything that was opened above it."""
+        """Close the screen of the last session, and everything above it."""
         while self.console_screen is not None:
             await self.pop_screen()
 
@@ -260,7 +260,7 @@ class ConsoleApp(RiseApp):
         loop = asyncio.get_running_loop()
 
         def report(sentence: str) -> None:
-            with suppress(RuntimeError):  # the console has left in the meantime
+            with suppress(RuntimeError):  # the console has left meanwhile
                 loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
 
         try:
@@ -273,14 +273,13 @@ class ConsoleApp(RiseApp):
         await self._show_session(recovered.client, recovered.notice)
 
     def _check_may_end(self, session: ConsoleSession) -> bool:
-        """Ending needs control, which may have gone while the question was open."""
+        """Check whether this console may end the session. Control may have gone while the question was open."""
         if reason := why_blocked(session.store, "change"):
             session.show_notice(Notice(f"the session goes on: {reason}", "wait"))
         return not reason
 
     async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
-        """Detach, or end the session. `late`: the engine did not confirm in time. `refused`: this console may not end
-        it."""
+        """Detach, or end the session. `late`: not confirmed in time. `refused`: this console may not end it."""
         patience = questions.end_patience(session.store) if end else DETACH_PATIENCE
         try:
             await asyncio.wait_for(session.close(end_session=end), patience)
@@ -288,7 +287,7 @@ class ConsoleApp(RiseApp):
             return "done"
         except TimeoutError:
             return "late"
-        except Rejected as refused:  # control has gone at this moment
+        except Rejected as refused:  # control has just gone
             session.show_notice(Notice(f"the session goes on: {refused}", "wait"))
             return "refused"
         return "done"
@@ -380,7 +379,7 @@ class ConsoleApp(RiseApp):
         self.push_screen(question, end_if_confirmed)
 
     async def _back_to_study(self, session: ConsoleSession) -> None:
-        """Leave a session that is over, or whose engine has gone. The cursor goes to whoever needs attention."""
+        """Leave a session that is over or whose engine has gone. The cursor goes to the next participant."""
         await self._leave_session(session, end=False)
         await self._show_study(self._day.over_text(session.store), self._day.unjudged(session.store))
 
@@ -413,7 +412,7 @@ class ConsoleApp(RiseApp):
             loop.call_soon_threadsafe(self._leave_by_signal, number)
 
     def _leave_by_signal(self, number: signal.Signals) -> None:
-        """The terminal has gone, or somebody ends the program. Neither may end the session."""
+        """Leave because the terminal has gone or a signal came. Neither may end the session."""
         if not self._is_leaving:
             self.run_worker(self._leave_and_exit(128 + number, signal_name=number.name))
 

@@ -1,6 +1,6 @@
-"""The bars around the panes, and when to repaint what.
+"""The bars around the panes, and the times of repaints.
 
-Soon, never faster than a terminal can take, and only what differs (console.md 8.2).
+Repaints come soon, never faster than a terminal accepts, and only for differences (console.md 8.2).
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ COMMON_ACTIONS = (
 """Actions that the hint line shows for every pane."""
 
 FRAME_SECONDS = 1 / 15
-"""Seconds between two repaints while records pour in."""
+"""Seconds between two repaints while many records arrive."""
 PAINTING_SHARE = 1 / 8
-"""The largest share of time for painting while records pour in, however slow painting is."""
+"""Maximum share of time for painting while many records arrive, however slow painting is."""
 LONGEST_PAUSE_SECONDS = 0.5
-"""The longest pause, whatever the last frame took: on a busy machine, other programs may have taken the time."""
+"""Maximum pause in seconds, whatever the last frame took: on a busy machine, other programs may have taken the time."""
 NOTICE_SECONDS = 12.0
 NOTICE_LEAST_SECONDS = 1.0
-"""A notice stays at least this long, whatever the wizard presses."""
+"""Minimum time in seconds that a notice stays, whatever the wizard presses."""
 TENTH_SECONDS = 0.1
-"""Seconds between two updates of the time since the cue, while it is counted."""
+"""Seconds between two updates of the time since the cue."""
 
 
 class ConsoleBars:
@@ -68,14 +68,14 @@ class ConsoleBars:
         self._frame: Timer | None = None
         self._cue_timer: Timer | None = None
         self._spent = 0.0
-        """Seconds that drawing the latest frame took."""
+        """Seconds for drawing the latest frame."""
         self._painted = 0.0
-        """When that was, on the monotonic clock."""
+        """The time of that frame, on the monotonic clock."""
         self._notice: Notice | None = None
-        """The notice that is shown, and since when, on the monotonic clock."""
+        """The shown notice, and since when, on the monotonic clock."""
         self._notice_at = 0.0
         self._control_lost_at = 0.0
-        """Since when the line about lost control is shown, on the monotonic clock; 0 while it is not."""
+        """Since when the line about lost control is shown, on the monotonic clock; 0: it is not."""
         self._has_rows = False, False
         """Whether the log and the memory had rows when the hints were last drawn."""
         self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
@@ -100,7 +100,7 @@ class ConsoleBars:
         yield from (self.speech_input, self.key_strip, self.key_hints)
 
     def fit_terminal(self, size: Size) -> None:
-        """Give the bars of variable height the rows that a terminal of this size has for them."""
+        """Give the bars of variable height their rows in a terminal of this size."""
         self.speech_band.fit_terminal(size)
         self.key_strip.fit_terminal(size)
 
@@ -110,7 +110,7 @@ class ConsoleBars:
         return self.speech_input.is_open or self.mistake_line.is_open
 
     def open_mistake(self, task: int) -> None:
-        """Ask what was wrong about a task, in the place of the notice."""
+        """Ask about the error of a task, in the place of the notice."""
         self.notice_line.display = False
         self.mistake_line.open(task)
         self.mistake_line.draw()
@@ -121,12 +121,12 @@ class ConsoleBars:
         self.note_line.open(text)
 
     def draw_open_lines(self) -> None:
-        """Draw the lines for typing and choosing, including the say line when it is closed."""
+        """Draw the lines for typing and choosing, including the closed say line."""
         self.speech_input.draw()
         self.mistake_line.draw()
 
     def draw_hints(self) -> None:
-        """Draw what keys do now, for the pane with the focus."""
+        """Draw the effects of keys now, for the pane with the focus."""
         focused, store = self._panes.screen.focused, self._store
         if store.input_mode == "LOCKED":
             self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
@@ -140,7 +140,7 @@ class ConsoleBars:
             self.key_hints.draw([*self._urgent_actions(), *own], [BY_ID[id] for id in COMMON_ACTIONS], store)
 
     def _urgent_actions(self) -> Iterator[ConsoleAction]:
-        """What a wizard who cannot act, or is asked a question, needs first."""
+        """Yield the first needs of a wizard who cannot act, or must answer a question."""
         store = self._store
         if store.key_state == "STOPPED":
             yield BY_ID["release"]
@@ -159,7 +159,7 @@ class ConsoleBars:
             self._frame = self._set_timer(max(0.001, self._painted + pause - monotonic()), self._paint)
 
     def repaint_panes(self, *names: str) -> None:
-        """Paint those of these panes that are visible immediately."""
+        """Repaint the visible ones of these panes immediately."""
         for pane in self._panes.visible_panes():
             if pane.SCOPE in names:
                 pane.repaint()
@@ -174,7 +174,7 @@ class ConsoleBars:
     # --- updates by the clock ---------------------------------------------------------------------------------------
 
     def draw_every_second(self) -> None:
-        """Draw what changes with the clock, once a second."""
+        """Draw everything that changes with the clock, once a second."""
         store = self._store
         self.status_line.draw()
         self.speech_band.draw()
@@ -197,7 +197,7 @@ class ConsoleBars:
             self.speech_band.draw()
 
     def _draw_every_tenth(self) -> None:
-        """Draw ten times a second, while somebody waits for an answer."""
+        """Draw ten times a second, while a cue waits for an answer."""
         self._cue_timer = None
         self._draw_status()
         self._draw_notice()
@@ -212,8 +212,7 @@ class ConsoleBars:
     # --- notices ------------------------------------------------------------------------------------------------------
 
     def dismiss_read_notices(self) -> None:
-        """Dismiss the notices that the wizard has read: the next key counts as reading, also for the line about lost
-        control.
+        """Dismiss the read notices: the next key counts as reading, also for the line about lost control.
 
         They go with the next frame, because the key's own effect comes first.
         """

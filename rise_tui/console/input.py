@@ -1,7 +1,7 @@
 """The path of a key: through all protection against accidents (console.md 2.1 to 2.4) to a task for the engine.
 
-Pure: times, focus and timers come in, and valid keys go out through `InputActions`. This module knows no screen. Times
-are of the monotonic clock.
+Pure: times, focus and timers come in, and valid keys go out through `InputActions`. It uses no screen. Times are those
+of the monotonic clock.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from rise_tui.model.store import Store
 TOGETHER_SECONDS = 0.012
 """Two different keys closer than this cannot be two intended key presses."""
 PASTE_QUIET_SECONDS = 0.3
-"""After a paste, keys count again after this long without input."""
+"""Seconds without input after a paste before keys count again."""
 STALL_SECONDS = 3.0
-"""When the console has done nothing for so long, keys that it finds then were pressed for a moment that has passed."""
+"""If the console did no work for this many seconds, waiting keys no longer count."""
 ARMED_SECONDS = 2.0
-"""How long a `hold` act stays armed after its first press."""
+"""Seconds that a `hold` act stays armed after its first press."""
 
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
@@ -55,13 +55,13 @@ class RunningTimer(Protocol):
 
 
 class InputActions(Protocol):
-    """What keys trigger. No method waits for the engine."""
+    """The effects of keys. No method waits for the engine."""
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        """Send a task to the engine. `pressed`: session time of its key; None: it was the mouse."""
+        """Send a task to the engine. `pressed`: session time of its key; None: by mouse."""
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
-        """The same for free speech, whose field contained `typed`."""
+        """The same for free speech, with the text `typed` in its field."""
 
     def show_notice(self, text: str, level: Level = "info") -> None:
         """Show the wizard a notice of this level."""
@@ -80,9 +80,9 @@ class InputActions(Protocol):
 
 
 class InputController:
-    """All keys of one console: which count, and what they request from the engine.
+    """All keys of one console: which of them count, and their requests to the engine.
 
-    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader
+    - Keys that arrive together are a paste, or come from a stalled link: none of them counts. The terminal's reader
       recognises them, because they came in one read. The pieces of a paste in several reads are faster than fingers.
     - Keys that were pressed while the console stood still do not count either.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
@@ -98,23 +98,23 @@ class InputController:
     ) -> None:
         self._store, self._actions, self._set_timer, self._clock = store, actions, set_timer, clock
         self._key_at: float | None = None
-        """When the key was pressed that caused what happens now. None: it was the mouse."""
+        """When the key was pressed that caused the present work; None: by mouse."""
         self._last_key = ""
         self._last_at = float("-inf")
         self._paste_until = float("-inf")
         self._alive_at = float("inf")
-        """When the console last knew that it does not stand still."""
+        """When the console was last known to work."""
         self._suspended = 0.0
         """`suspended_seconds` at that time."""
         self._pressed: dict[tuple[str, str], float] = {}
         """The last press by function and behavior, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
-        """The second press of an act that needs two. It counts unless it turns out to be a held key."""
+        """The second press of an act that needs two. It counts unless it is a held key."""
         self._armed: KeyAction | None = None
         """The `hold` act whose first press was seen."""
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
-        """The speech that is being pressed, as it is in its field."""
+        """The speech that is being sent, as in its field."""
 
     @property
     def is_pasting(self) -> bool:
@@ -139,12 +139,12 @@ class InputController:
         self._last_key, self._last_at = key, at
 
     def note_alive(self) -> None:
-        """Note that the console does something. It calls this every second."""
+        """Note that the console works. Called every second."""
         self._look_for_standstill()
         self._alive_at, self._suspended = self._clock(), suspended_seconds()
 
     def _look_for_standstill(self) -> None:
-        """After a standstill of the console, keys count again a moment later."""
+        """Ignore keys for a moment after a standstill of the console."""
         now, suspended = self._clock(), suspended_seconds()
         stood = now - self._alive_at + suspended - self._suspended
         if stood > STALL_SECONDS:
@@ -153,14 +153,14 @@ class InputController:
             self._actions.show_notice(f"the console stood still for {stood:.0f} s: keys of that time start nothing")
 
     def observe_mouse(self) -> None:
-        """Note a press of the mouse: what happens now has no key."""
+        """Note a press of the mouse: the present work has no key."""
         self._key_at = None
 
     def admits_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
-        """Whether a key may go on to the widget with the focus. All keys pass here, with or without a dialog.
+        """Whether a key may reach the widget with the focus. All keys pass here, with or without a dialog.
 
-        Text that is pasted outside a field does not act as commands or answers. While LOCKED, only stopping, leaving
-        and unlocking go on, and answers to the question about leaving (`leaving`: it is open).
+        Text pasted outside a field does not act as commands or answers. While LOCKED, only the keys for stopping,
+        leaving and unlocking pass, and answers to the question about leaving (`leaving`: it is open).
         """
         if self.is_pasting and not typing and (printable or key == "enter"):
             return False
@@ -169,7 +169,7 @@ class InputController:
         return self.admits_other(leaving=leaving, says_why=True)
 
     def admits_other(self, *, leaving: bool, says_why: bool) -> bool:
-        """Whether other input from the mouse or the clipboard may go on."""
+        """Whether other input from the mouse or the clipboard may pass."""
         if self._store.input_mode != "LOCKED" or leaving:
             return True
         if says_why:
@@ -216,7 +216,7 @@ class InputController:
             self._actions.show_notice(PASTED_ENTER, "wait")
 
     def repeat_failed_act(self) -> None:
-        """Start the failed act that is shown again, as it was requested, with the usual protection of a start."""
+        """Start the shown failed act again, as it was requested, with the usual protection of a start."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None:
             self._typed = ""
             if is_question(self._store, failed):
@@ -225,17 +225,17 @@ class InputController:
             self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
-        """Dismiss the failure that is shown."""
+        """Dismiss the shown failure."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
 
     def stop_rule_of_failed_act(self) -> None:
-        """Stop the rule that waits for the end of the failed act that is shown."""
+        """Stop the rule that waits for the end of the shown failed act."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("stopRuleOfAct", str(failed.id))
 
     def mark_mistake(self) -> None:
-        """Mark what the wizard did last as wrong immediately, and ask for the correct word."""
+        """Mark the wizard's last deed as wrong immediately, and ask for the correct word."""
         if self.is_pasting:
             return
         shadows = self._store.attach_reply.shadow
@@ -268,7 +268,7 @@ class InputController:
     # --- valid presses ----------------------------------------------------------------------------------------------
 
     def press(self, action: KeyAction, at: float) -> bool:
-        """Request what a key or Enter means; `at`: when it was pressed. False when it is part of a paste."""
+        """Request what a key or Enter means. `at`: when it was pressed. False: it is part of a paste."""
         same = (action.function, action.behavior)
         last = self._pressed.get(same, float("-inf"))
         self._pressed[same] = at
@@ -293,7 +293,7 @@ class InputController:
             self._accept_at_once(self._armed, self._last_at)
 
     def disarm(self) -> bool:
-        """Forget the presses of an act that needs two. True when there was one."""
+        """Forget the presses of an act that needs two. True: there was one."""
         self._drop_pending()
         was, self._armed = self._armed, None
         if self._disarm_timer is not None:
@@ -306,7 +306,7 @@ class InputController:
     def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:
             self._pending[2].stop()
-            self._accept_pending()  # another key, too late to be a paste: the earlier one counts
+            self._accept_pending()  # another key, too late for a paste: the earlier one counts
         self._drop_pending()
         self._accept_press(action, at)
 
@@ -333,11 +333,11 @@ class InputController:
             self._carry_out(action, at)
 
     def _disarm_later(self) -> None:
-        if self._pending is None:  # else the second press is being examined
+        if self._pending is None:  # otherwise the second press is being examined
             self.disarm()
 
     def _carry_out(self, action: KeyAction, at: float) -> None:
-        """Check again: what was possible when the key was pressed may no longer be."""
+        """Check again, because the action may no longer be possible, and carry it out."""
         if reason := why_task_blocked(self._store, action.function):
             self._refuse(action, reason)
         elif (kept := self._kept_task(action)) is not None:
@@ -348,7 +348,7 @@ class InputController:
             self._actions.submit(action, self._session_time(at))
 
     def _kept_task(self, action: KeyAction) -> int | None:
-        """The task whose event is still kept, if a key requests it again: that takes the event back."""
+        """The task whose event is still kept, if a key requests it again, which takes the event back."""
         kept = self._store.view.kept
         if not kept or action.function != EVENT or not is_object(action.behavior):
             return None

@@ -1,4 +1,4 @@
-"""The places of lists and panes, two or all of them, by the terminal's size; and what of them is saved."""
+"""The places of lists and panes, two or all of them, by the terminal's size, and their saved state."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
 ONE_PANE_BELOW = (80, 24)
-"""A smaller terminal has room for one monitoring pane only."""
+"""A smaller terminal has room for only one monitoring pane."""
 
 
 def layout_for(width: int, height: int) -> LayoutKind:
@@ -117,7 +117,7 @@ class Layout(Container):
         self.call_after_refresh(self._mount_hidden)
 
     def _mount_hidden(self) -> None:
-        """Create what is still hidden once the first frame is on the terminal."""
+        """Create the hidden panes once the first frame is on the terminal."""
         for pane in self.panes.values():
             pane.mount_contents()
 
@@ -147,7 +147,7 @@ class Layout(Container):
         self.focus_pane("rules" if self.panes["acts"].has_focus_within else "acts")
 
     def focus_next_pane(self, step: int = 1) -> None:
-        """Go to the next monitoring pane, with -1 to the previous one; from the control area to the one in front."""
+        """Go to the next monitoring pane (-1: the previous one); from the control area to the one in front."""
         here = self.focused_pane()
         if here is None or here.SCOPE in START_LISTS:
             self.focus_pane(self._front)
@@ -170,7 +170,7 @@ class Layout(Container):
         return {**self._active, "front": self._front, "focus": here.SCOPE if here is not None else "acts"}
 
     def restore_state(self, state: Mapping[str, str]) -> None:
-        """Restore what `layout_state` returned. Unknown panes change nothing."""
+        """Restore the result of `layout_state`. Unknown panes have no effect."""
         for group, names in (("upper", UPPER), ("lower", LOWER)):
             if state.get(group) in names:
                 self._active[group] = state[group]
@@ -229,7 +229,7 @@ class Layout(Container):
 
 
 SAVE_SECONDS = 1.0
-"""Seconds between two checks for changes. A console that is killed loses no more than this."""
+"""Seconds between two checks for changes, the most that a killed console loses."""
 
 
 class UiState:
@@ -240,7 +240,7 @@ class UiState:
     ) -> None:
         """`fresh`: nothing is restored. `remark`: a sentence about the preferences.
 
-        `keeps_changes`: whether anything is written. Observers use the wizard's account and change nothing in it.
+        `keeps_changes`: whether anything is written. Observers use the wizard's account without changing it.
         """
         self.preferences = preferences
         self._fresh, self._is_saved, self._remark = fresh, keeps_changes, remark
@@ -252,7 +252,7 @@ class UiState:
         """The preferences on the screen at the last check."""
 
     def restore(self, panes: Layout, attached: AttachReply, theme: str) -> str:
-        """Restore the console's last state; returns a sentence when something was not used."""
+        """Restore the console's last state. Returns a sentence if something was not used."""
         self._path = state_folder() / f"{session_name(attached.scenario.folder)}.json"
         remark, self._remark = self._remark, ""
         if not self._fresh:
@@ -304,7 +304,7 @@ class UiState:
         return SavedLayout(panes.layout_state(), filters, self._folder)
 
     def _changed_preferences(self, **changed: object) -> tuple[Path, Preferences]:
-        """Change the preferences, and keep what another console has written in the meantime."""
+        """Change the preferences, and keep the changes that another console has written meanwhile."""
         path = state_folder() / PREFERENCES_NAME
         self.preferences = replace(load_saved(path, Preferences)[0], **changed)
         return path, self.preferences

@@ -1,4 +1,4 @@
-"""What covers the console: jump mode, the editor of a study, and a mark for cameras; and what closes all of it."""
+"""Covers of the console: jump mode, the editor of a study, and a mark for cameras; and their closing."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _row(digit: str, row: int) -> str:
 
 
 class Flash(Widget, can_focus=False):
-    """Covers everything else on a screen, but takes no keys: they go where they went before."""
+    """Covers everything else on a screen, but takes no keys: they have their usual effect."""
 
     DEFAULT_CSS = "Flash { layer: flash; overlay: screen; width: 100%; height: 100%; }"
 
@@ -124,7 +124,7 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
     `refuse` receives the reason if it does not open. `runs`: whether a session runs here, so that the stop key must
     work.
     """
-    # Most sessions never open it. Loading takes half a second: off the loop, because the stop key must not wait.
+    # Most sessions never open it. Loading takes half a second, off the loop, because the stop key must not wait.
     await asyncio.to_thread(import_module, "rise_tui.editor.screen")
     from rise_engine.author.edit.plan import EditRefused
     from rise_engine.author.edit.workspace import Workspace
@@ -150,7 +150,7 @@ def show_stop_in_editor(app: App[object]) -> None:
     """Report the stop in an editor that covers the console, because the editor hides its effect."""
     if not is_editing(app):
         return
-    from rise_tui.editor.screen import EditScreen  # it is already loaded
+    from rise_tui.editor.screen import EditScreen  # already loaded
 
     for screen in app.screen_stack:
         if isinstance(screen, EditScreen):
@@ -165,9 +165,9 @@ def show_flash(app: App[object], number: int) -> None:
 
 
 def close_all_above(console: Screen[None]) -> None:
-    """Close questions and lists above the console unanswered: a forgotten one should not be there later.
+    """Close questions and lists above the console unanswered, so that none is forgotten there.
 
-    Text that is being typed stays in its field.
+    Typed text stays in its field.
     """
     while console.app.screen is not console:
         console.app.screen.dismiss()

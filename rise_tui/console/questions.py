@@ -28,10 +28,10 @@ RECOVERY_LINES = (
     "         nothing until somebody takes control, unless its",
     '         profile has unattended = "go on".',
 )
-"""What to recover a session means."""
+"""The meaning of recovering a session."""
 
 END_KEY = "ctrl+x"
-"""Asks to end the session. No study can bind it, and it opens only a question that needs a typed word."""
+"""Asks to end the session. No study can bind it, and it opens only a question that requires a typed word."""
 
 
 def leave_dialog(store: Store) -> Dialog:
@@ -68,9 +68,9 @@ def leave_shadow_dialog(store: Store) -> Dialog:
 
 
 END_PATIENCE = 13.0
-"""Seconds that the engine may take before the console leaves without it: 6 s for the robot, 5 s for the disk."""
+"""Seconds for the engine before the console leaves without it: 6 s for the robot, 5 s for the disk."""
 RECORDERS_PATIENCE = 19.0
-"""... and so many more if recorders have to complete their files before."""
+"""Additional seconds if recorders must complete their files first."""
 
 
 def end_patience(store: Store) -> float:
@@ -80,9 +80,9 @@ def end_patience(store: Store) -> float:
 
 
 def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
-    """What became of the session, in one line, and how to read what happened in it.
+    """Describe the end of the session in one line, and how to read its record.
 
-    `patience`: seconds that it had to end. `signal_name`: the signal that ended the console, if one did.
+    `patience`: seconds that it had to end. `signal_name`: the signal that ended the console, if any.
     """
     if store.attach_reply.replay:
         return ""
@@ -115,13 +115,13 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
 
 
 def leave_study_dialog() -> Dialog:
-    """The question on leaving while something is being prepared or asked on the screen of a study."""
+    """The question on leaving during preparations or questions on the screen of a study."""
     lines = ["No session is running or starting.", "The results of the checks so far are saved."]
     return Dialog("Leave the study?", lines, DialogChoice("l", "Leave"), no="Stay")
 
 
 def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
-    """What the terminal shows after the screen of a study. `busy`: what was in progress."""
+    """The terminal's text after the screen of a study. `busy`: the work in progress."""
     lead = f"{signal_name}: " if signal_name else ""
     state = f"{busy}, and goes on without this console" if busy else "no session is running"
     return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"
@@ -137,9 +137,9 @@ class Confirmations:
     def __init__(self, console: ConsoleHost) -> None:
         self._console = console
         self._control_shown: object = None
-        """Who had control, who asked for it, and what it would begin, when the question about control opened."""
+        """The holder of control, its asker and the acts it would begin, as of the question about control."""
         self._release_shown: tuple[int, object] = 0, None
-        """What the question about the release has said: about which stop, and which parts."""
+        """The contents of the question about the release: the stop and the parts."""
 
     def ask_to_release(self) -> None:
         """Ask whether to release the stop or, if nothing is stopped, the held parts."""
@@ -185,7 +185,7 @@ class Confirmations:
         console.app.push_screen(dialog, release)
 
     def _ask_about_rules(self, lines: list[str], rules: list[InterruptedRule], keys: Sequence[str]) -> None:
-        """Ask the same, and what should become of the rules that the stop ended."""
+        """Ask the same, and choose the resumption of the rules that the stop ended."""
         console = self._console
         dialog = ReleaseDialog(lines, rules, keys)
         dialog.add_class("-release")
@@ -213,7 +213,7 @@ class Confirmations:
         console.app.push_screen(Dialog("Start here?", lines, start, wait), begin)
 
     def ask_to_step_back(self, name: str) -> None:
-        """Ask whether a rule should go back one step, and show what goes back with it."""
+        """Ask whether a rule should go back one step, and show the consequences."""
         console = self._console
         step = find_back_step(console.store, name)
         if step is None:
@@ -228,7 +228,7 @@ class Confirmations:
         console.app.push_screen(dialog, go_back)
 
     def ask_about_control(self) -> None:
-        """Ask what should happen to control, depending on who has it and who asks for it."""
+        """Ask what to do with control, depending on its holder and asker."""
         console = self._console
         store = console.store
         holder, asker, begins = self._control_shown = self._control_facts()
@@ -243,26 +243,24 @@ class Confirmations:
         self._withdraw("-release", "stopped again: the question about releasing the stop was closed")
 
     def close_outdated_release_question(self) -> None:
-        """Close the question about the release when it is not so any more: the robot has answered, something has begun
-        or ended there, or somebody else has stopped everything or released it."""
+        """Close the question about the release if the robot's answer, a goal, a stop or a release outdated it."""
         if self._release_facts() != self._release_shown:
             self._withdraw("-release", "what is stopped or held has just changed: the question about it was closed")
 
     def _release_facts(self) -> tuple[int, object]:
-        """What the question about the release says: the number of the stop, and what is known of the robot."""
+        """The contents of the question about the release: the number of the stop, and the robot's answer."""
         store = self._console.store
         stop = store.view.stop
         answer = stop.status, stop.confirmed, stop.unconfirmed, stop.unstoppable
         return stop.count, answer if stop.latched else store.open_goals
 
     def close_outdated_control_question(self) -> None:
-        """Close the question about control when somebody else now has it or asks for it, or it would begin something
-        else."""
+        """Close the question about control if the holder, the asker or the acts that it would begin changed."""
         if self._control_facts() != self._control_shown:
             self._withdraw("-control", "control, or what it begins, has just changed: the question was closed")
 
     def _control_facts(self) -> tuple[str | None, str | None, list[str] | None]:
-        """Who has control, who asks for it, and the acts that go on when somebody takes it; None: it begins nothing."""
+        """The holder of control, its asker, and the acts that go on when it is taken; None: none."""
         store = self._console.store
         tasks = (*store.running_tasks, *store.waiting_tasks)
         begins = [act_label(task.function, task.behavior) for task in tasks] if store.view.waits_for_wizard else None

@@ -46,7 +46,7 @@ class ConsoleScreen(Screen[None]):
     DEFAULT_CSS = "ConsoleScreen { layout: vertical; background: $background; }"
 
     class OpenSettings(Message):
-        """The wizard wants other settings. The app knows how to start sessions."""
+        """The wizard requests the settings. The app can start sessions."""
 
     def __init__(self, session: ConsoleSession) -> None:
         super().__init__()
@@ -54,7 +54,7 @@ class ConsoleScreen(Screen[None]):
         self.pane_layout = Layout(session.store)
         self.bars = ConsoleBars(session.store, self.pane_layout, self.set_timer)
         self._kept_note = ""
-        """A note that was typed and not accepted."""
+        """A typed note that was not accepted."""
         self.confirmations = Confirmations(self)
         self.input = InputController(session.store, self, self.set_timer)
 
@@ -89,7 +89,7 @@ class ConsoleScreen(Screen[None]):
         show_when_too_small(self.app, self.store)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:
-        if self.stack_updates == 0:  # the first time: mounting has just styled everything
+        if self.stack_updates == 0:  # at first, mounting has just styled everything
             event.refresh_styles = False
         show_when_too_small(self.app, self.store)
 
@@ -115,7 +115,7 @@ class ConsoleScreen(Screen[None]):
         self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 
     def admits(self, event: events.Event) -> bool:
-        """Whether an event of the keyboard or the mouse may go on. All of them pass here, with or without a dialog."""
+        """Whether a keyboard or mouse event may pass. All of them pass here, with or without a dialog."""
         leaving = self.app.screen.has_class("-quit")
         if isinstance(event, events.Key):
             return self.input.admits_key(
@@ -126,10 +126,10 @@ class ConsoleScreen(Screen[None]):
         return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Open a line in which letters mean something else, so that even a very quick next key goes to that line.
+        """Open a line in which letters have another meaning, so that even a very quick next key goes to that line.
 
         It also carries out the scenario's keys, so that none overtakes another. It acts only without a dialog or field
-        that the key could be for.
+        for the key.
         """
         if self.app.screen is not self or isinstance(self.focused, Input):
             return False
@@ -193,7 +193,7 @@ class ConsoleScreen(Screen[None]):
     # --- requests of panes and hints --------------------------------------------------------------------------------
 
     def _run_beside(self, work: Coroutine[Any, Any, object]) -> None:
-        """Run something for the engine, while the console goes on."""
+        """Run a request to the engine in the background."""
         self.run_worker(work, group="send")
 
     def start(self, action: KeyAction) -> None:
@@ -235,9 +235,9 @@ class ConsoleScreen(Screen[None]):
     # --- actions of the registry --------------------------------------------------------------------------------------
 
     def action_do(self, action: str) -> None:
-        """Carry out an action of the registry, or say why not."""
+        """Carry out an action of the registry, or show why not."""
         if action == "control" and self.store.attach_reply.shadow:
-            action = "pause"  # nobody else could have control
+            action = "pause"  # no other client could have control
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -283,7 +283,7 @@ class ConsoleScreen(Screen[None]):
         }
 
     def stop_all(self) -> None:
-        """Handle the stop key: no question, no condition, from any screen."""
+        """Handle the stop key: without question or condition, from any screen."""
         self.input.disarm()
         self.send("stopAll")
         self.confirmations.close_release_question()
@@ -312,18 +312,18 @@ class ConsoleScreen(Screen[None]):
     # --- the tour -----------------------------------------------------------------------------------------------------
 
     def open_tour(self, seen: Callable[[], None] | None = None) -> None:
-        """Open the tour. `seen` is called when it has ended, in whatever way."""
+        """Open the tour. `seen` is called at its end, in any case."""
         self.pane_layout.unzoom()
         tour = TourScreen(self._region_of, lambda: self.pane_layout.region)
         self.app.push_screen(tour, lambda _: seen() if seen is not None else None)
 
     def offer_tour(self, seen: Callable[[], None]) -> None:
-        """Offer the tour on a first run, if it disturbs nobody."""
+        """Offer the tour on a first run, if it disturbs nothing."""
         if is_tour_due(self.store):
             self.open_tour(seen)
 
     def _region_of(self, name: str) -> Region:
-        """The place of something that the tour points at."""
+        """The place of a part of the screen for the tour."""
         panes, hints = self.pane_layout, self.bars.key_hints.region
         match name:
             case "status":
@@ -360,7 +360,7 @@ class ConsoleScreen(Screen[None]):
             self._focus_back(event.back)
 
     def _focus_back(self, widget: Widget | None) -> None:
-        """Return the focus to what had it before a line was opened, if that is still visible."""
+        """Return the focus to its place before a line was opened, if that is still visible."""
         is_visible = widget is not None and widget.is_attached and widget.display and widget.visible
         self.set_focus(widget if is_visible else self.pane_layout.panes["acts"].row_view)
 

@@ -1,4 +1,4 @@
-"""The console's side of the link: receives batches of records, sends what the wizard requests (console.md 3.1, 5.1)."""
+"""The console's side of the link: receives batches of records, sends the wizard's requests (console.md 3.1, 5.1)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Answer = TypeVar("Answer")
 ChangeCallback = Callable[[frozenset[StorePart] | set[StorePart]], None]
 
 RECORDS_PER_TURN = 64
-"""Records that are processed before the loop handles other events."""
+"""Maximum number of records before the loop handles other events."""
 REATTACH_SECONDS = 0.5
 """Seconds between two attempts to attach again after the connection was cut."""
 
@@ -33,12 +33,12 @@ RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
 BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
 BACK_STOPPING = "the connection is back; STOP may not have arrived"
 DISK_SECONDS = 6.0
-"""The engine of a session that is over gives the disk 5 s more to take its last records."""
+"""Seconds to wait for the last records: the engine of a session that is over gives the disk 5 s."""
 STOP_NOT_SENT = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
 
 
 def _gets_end(folder: Path) -> bool:
-    """Whether the record of a session that is over has an end, when its engine gives it up. Blocks."""
+    """Whether the record of a session that is over has an end when its engine gives up. Blocks."""
     wait_until(lambda: has_ended(folder) or not is_locked(folder / JOURNAL), DISK_SECONDS)
     return has_ended(folder)
 
@@ -63,7 +63,7 @@ class ConsoleSession:
         return cls(client, Store(attach_reply, wizard, client.now))
 
     async def receive_records(self) -> None:
-        """Receive records until the session ends or its engine has gone. Attach again when only the link was cut."""
+        """Receive records until the session ends or its engine has gone. Attach again if only the link was cut."""
         while True:
             try:
                 async for batch in self.client.records():
@@ -82,7 +82,7 @@ class ConsoleSession:
         self._note_engine_gone(ended or "it has ended", over=True)
 
     async def _look_for_recorded_end(self) -> None:
-        """Look whether the record of a session that is over has an end, if that has not come and the disk is here."""
+        """Check on this disk whether the record of a session that is over has an end."""
         attached = self.store.attach_reply
         folder = Path(attached.folder)
         if not (attached.replay or attached.shadow or self.store.view.ended) and (folder / JOURNAL).is_file():
@@ -96,7 +96,7 @@ class ConsoleSession:
             self.on_change(self.store.apply(batch[start : start + RECORDS_PER_TURN]))
 
     async def _reattach(self) -> bool:
-        """Attach again. False when the engine has gone in the meantime."""
+        """Attach again. False: the engine has gone meanwhile."""
         self.store.cut_since = monotonic()
         self.on_change(ALL_PARTS)
         while True:
@@ -112,14 +112,14 @@ class ConsoleSession:
                 return True
 
     def _adopt_snapshot(self, attach_reply: AttachReply) -> None:
-        """Take over the new snapshot, which has the truth. What was sent in the meantime is unknown."""
+        """Take over the new snapshot, which is right. The fate of requests sent meanwhile is unknown."""
         stopping = self.store.stopping
         self.store.reattach(attach_reply)
         again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
         self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 
     async def _reclaim_control(self) -> None:
-        """Take back the control that was lost with the connection, once the engine has noticed the cut.
+        """Take back the control that was lost with the connection, when the engine has noticed the cut.
 
         Not in a recovered session, where that would let acts begin.
         """
@@ -140,7 +140,7 @@ class ConsoleSession:
     ) -> bool:
         """Request a task; its results arrive as records. Never raises: problems are shown.
 
-        `pressed`: session time of the key. False when the task was not accepted, or that is unknown.
+        `pressed`: session time of the key. False: the task was not accepted, or that is unknown.
         """
         store = self.store
         if reason := why_blocked(store, "reach"):
@@ -175,7 +175,8 @@ class ConsoleSession:
         return reply.accepted
 
     async def _answer(self, request: Awaitable[Answer]) -> Answer | None:
-        """The engine's answer. None: the connection was cut, or the engine has gone, which the screen then shows."""
+        """Return the engine's answer; None: the connection was cut, or the engine has gone, which the screen then
+        shows."""
         try:
             return await request
         except LinkLost:
@@ -185,14 +186,14 @@ class ConsoleSession:
             return None
 
     async def add_note(self, text: str) -> bool:
-        """Add a remark to the record. False when it was not accepted; the reason is shown."""
+        """Add a remark to the record. False: it was not accepted, and the reason is shown."""
         reason = await self._put_on_record(Note(text=text, source=self.store.own_name), "remark")
         if reason:
             self.show_notice(Notice(f"the note was not recorded: {reason}", "wait"))
         return not reason
 
     async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
-        """Record the results of checks, and how the session counts. False when not accepted; the reason is shown."""
+        """Record the results of checks, and how the session counts. False: not accepted, and the reason is shown."""
         for each in reports:
             if reason := await self._put_on_record(each, "change"):
                 self.show_notice(Notice(f"the session goes on, because this was not recorded: {reason}", "fault"))
@@ -200,8 +201,7 @@ class ConsoleSession:
         return True
 
     async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, deed: Deed) -> str:
-        """Send a message that is not a task. Returns why it was not accepted, or empty. `deed`: what the console must
-        be allowed to do for it."""
+        """Send a message that is not a task. Returns why it was refused, or empty. `deed`: the right that it needs."""
         if reason := why_blocked(self.store, deed):
             return reason
         reply = await self._answer(self.client.send(message))
@@ -215,14 +215,14 @@ class ConsoleSession:
         reason = why_blocked(self.store, "remark")
         if not reason:
             reply = await self._answer(self.client.change_control(verb))
-            reason = "" if reply is None or reply.accepted else reply.reason  # the next snapshot tells who has it
+            reason = "" if reply is None or reply.accepted else reply.reason  # the next snapshot shows the holder
         if reason:
             self.show_notice(Notice(f"control has not changed: {reason}", "wait"))
 
     async def take_over_files(self) -> None:
-        """Make the session continue with its study's present files. The connection is then cut and made again."""
+        """Make the session continue with its study's present files. The connection is then cut and opened again."""
         reply = await self._answer(self.client.take_over())
-        if reply is not None:  # else the record tells whether it was done
+        if reply is not None:  # otherwise the record shows the result
             kept = f"the session keeps its files: {reply.reason}"
             self.show_notice(Notice("the session now uses the changed files" if reply.accepted else kept, "wait"))
 
@@ -238,7 +238,7 @@ class ConsoleSession:
 
     async def close(self, *, end_session: bool) -> None:
         """Leave. With `end_session` the engine stops the robot and ends."""
-        self._is_closed = not end_session  # the end of the records then means nothing
+        self._is_closed = not end_session  # the end of the records has no meaning then
         await self.client.close(end_session=end_session)
         if end_session:
             await self._look_for_recorded_end()

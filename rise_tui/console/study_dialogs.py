@@ -1,4 +1,4 @@
-"""The questions about a study: what would run, checks, outcome, unfinished sessions; and how a session of it ends."""
+"""The questions about a study: the next session, checks, outcome, unfinished sessions; and the end of its session."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ REAL_REHEARSALS: tuple[Purpose, ...] = ("debug", "training", "pilot")
 
 
 class StudyChecker:
-    """Makes the checks of one session of a study, and writes down their results off the loop."""
+    """Makes the checks of one session of a study, and writes their results off the loop."""
 
     def __init__(self, app: App[Any], source: StudySource, context: CheckContext, warn: Callable[[str], None]) -> None:
-        """`warn` receives what could not be written down."""
+        """`warn` receives results that could not be written."""
         self._app, self._source, self._context, self._warn = app, source, context, warn
 
     async def make(self, check: StudyCheck) -> CheckOutcome:
@@ -69,7 +69,7 @@ def plan_title(plan: SessionPreview) -> str:
 def plan_lines(
     plan: SessionPreview, each: ParticipantStanding | None, conditions: Conditions, wizard: str
 ) -> list[StyledLine]:
-    """What would run, in lines."""
+    """Describe the next session, in lines."""
     counted = plan.request.purpose == "counted"
     condition = conditions.described(plan.run.condition) or "none in this study"
     if conditions.hidden and not plan.request.condition:
@@ -116,7 +116,7 @@ def show_plan(
     maker: CheckMaker,
     begin: Callable[[tuple[CheckReport, ...] | None], None],
 ) -> None:
-    """Show what would run, then make the checks. `begin` gets their results, or None when the wizard left."""
+    """Show the next session, then make the checks. `begin` gets their results; None: the wizard left."""
     counted = plan.request.purpose == "counted"
     kind = "session" if counted else f"{plan.request.purpose} session"
     screen = ChecksScreen(
@@ -181,7 +181,7 @@ def entry_title(entry: SessionEntry, conditions: Conditions) -> str:
 
 
 def entry_lines(entry: SessionEntry) -> list[str]:
-    """When a session was, and how far it got."""
+    """The time of a session, and its progress."""
     return [
         f"Started {begun_text(entry.started)}; its record ends at {format_clock(entry.seconds)}.",
         clean(entry.folder),
@@ -196,7 +196,7 @@ def ask_outcome(
     *,
     gives_up: bool = False,
 ) -> None:
-    """Ask how a session that is over counts. `gives_up`: it did not end, and nobody will continue it."""
+    """Ask how a session that is over counts. `gives_up`: it did not end, and will not continue."""
     because = f": {clean(entry.reason)}" if entry.reason else ""
     if entry.outcome is not None:
         sentences = wrap(f"It counts as {entry.outcome}{because}. The study log keeps this entry.", TEXT)
@@ -247,10 +247,10 @@ def ask_name(
 
 
 class Ending(NamedTuple):
-    """How a session should end."""
+    """The end of a session."""
 
     reports: tuple[CheckReport | OutcomeReport, ...]
-    """What to record before it ends."""
+    """Reports to record before it ends."""
     sentence: str
     """The sentence for the study's screen afterwards."""
 
@@ -261,7 +261,7 @@ def run_text(of: SessionRecord) -> str:
 
 
 class StudyDay:
-    """What the app knows of the study whose sessions it shows."""
+    """The app's knowledge of the study whose sessions it shows."""
 
     def __init__(self, source: StudySource | None) -> None:
         self.source = source
@@ -276,7 +276,7 @@ class StudyDay:
     async def read(self, session: ConsoleSession, find: Callable[[AttachReply], StudySource | None]) -> None:
         """Read the study's labels of its conditions.
 
-        `find`: finds the study by the session's folder if nobody named it.
+        `find`: finds the study by the session's folder if it was not named.
         """
         if self.source is None:
             self.source = await asyncio.to_thread(find, session.store.attach_reply)
@@ -295,18 +295,18 @@ class StudyDay:
         return RecoveredClient(started.client, started.notice)
 
     def over_text(self, store: Store) -> str:
-        """The sentence for a session that was over before anybody ended it here."""
+        """The sentence for a session that ended elsewhere."""
         of = store.view.session
         asks = "; press enter to record its outcome" if self.unjudged(store) and store.ended_in_order else ""
         return f"{run_text(of) if of is not None else ''}: {clean(store.gone_reason)}{asks}"
 
     def unjudged(self, store: Store) -> str:
-        """The participant whose session still needs an outcome; empty: none does."""
+        """The participant whose session still needs an outcome; empty: none."""
         of = store.view.session
         return of.participant if of is not None and of.purpose == "counted" and store.view.outcome is None else ""
 
     async def ask_how_it_ends(self, app: App[Any], session: ConsoleSession) -> Ending | None:
-        """Ask the checks after a session, its outcome and the word, in a worker. None when somebody leaves."""
+        """Ask the checks after a session, its outcome and the word, in a worker; None: the wizard left."""
         store = session.store
         of = store.view.session
         if of is None or of.purpose != "counted":
@@ -334,11 +334,11 @@ class StudyDay:
     async def _make_checks(
         self, app: App[Any], session: ConsoleSession, of: SessionRecord
     ) -> tuple[CheckReport, ...] | None:
-        """Make the checks after the session; None when somebody leaves."""
+        """Make the checks after the session; None: the wizard left."""
         store = session.store
         if (source := self.source) is None:
             return ()
-        now = await asyncio.to_thread(source.load)  # its checks may have changed in the meantime
+        now = await asyncio.to_thread(source.load)  # its checks may have changed meanwhile
         if not now.after or (study := now.study) is None:
             return ()
         attached = store.attach_reply

@@ -139,7 +139,7 @@ class StudyLists(Vertical):
     @on(StaticLines.DrawAgain)
     @on(RowView.CursorMoved)
     def draw(self) -> None:
-        """Make every line again. Only what differs reaches the terminal."""
+        """Make every line again. Only differences reach the terminal."""
         width, standing, wide = self.people.row_width, self._now.standing, self.has_class("-wide")
         if width <= 0:
             return
@@ -151,7 +151,7 @@ class StudyLists(Vertical):
         self._draw_people(standing, width)
         if not self.query_one("#beside").display:
             self.query_one("#beside").display = True
-            self.call_after_refresh(self.draw)  # only then does it know its width
+            self.call_after_refresh(self.draw)  # its width is known only then
             return
         beside, selected = self.beside.row_width, self.selected
         rows = [*plan_rows(standing, self._conditions, beside), *due_rows(standing, beside)]
@@ -205,7 +205,7 @@ class StudyLists(Vertical):
 
     @on(PromptBar.Accepted)
     def _keep_find(self) -> None:
-        self.people.displaced_at = float("-inf")  # the wizard asked for this cursor position
+        self.people.displaced_at = float("-inf")  # the wizard requested this cursor position
         self._close_find()
 
     @on(PromptBar.Cancelled)

@@ -1,5 +1,4 @@
-"""The screen of a study between two sessions: the next participant, everybody's progress, the plan against what
-happened.
+"""The screen of a study between two sessions: the next participant, the progress of all, and the plan.
 
 No session runs here. Slow work runs off the loop; its result is shown when it arrives.
 """
@@ -53,7 +52,7 @@ WATCH_SECONDS = 2.0
 
 
 class StudyScreen(Screen[None]):
-    """The participants, and what can be done with each."""
+    """The participants, and the possible actions for each."""
 
     DEFAULT_CSS = "StudyScreen { layout: vertical; background: $background; }"
 
@@ -66,14 +65,14 @@ class StudyScreen(Screen[None]):
 
     @dataclass
     class SessionReady(Message):
-        """A session runs: open a console on it. `stops`: the stop key was pressed in the meantime."""
+        """A session runs: open a console on it. `stops`: the stop key was pressed meanwhile."""
 
         started: StartedSession
         stops: bool
 
     @dataclass
     class WizardNamed(Message):
-        """Somebody has given the wizard's name."""
+        """The wizard's name was given."""
 
         name: str
 
@@ -87,22 +86,23 @@ class StudyScreen(Screen[None]):
         selected: str = "",
         keys: KeyFile | None = None,
     ) -> None:
-        """`wizard`: who sits here. If it is empty, the screen asks before the first session. It suggests `suggested`,
-        or `login` in debug mode. `selected`: the participant where the cursor begins. `keys`: the user's own."""
+        """`wizard`: the wizard's name. If it is empty, the screen asks before the first session. It suggests
+        `suggested`, or `login` in debug mode. `selected`: the first participant of the cursor. `keys`: the user's
+        own."""
         super().__init__()
         self._source, self.wizard, self._suggested, self._login = source, wizard, suggested, login
         self._keys = keys or KeyFile()
         self._select = selected
         """The participant for the cursor when the study has been read; empty: the next one."""
         self._goes_to_next = True
-        """Whether the cursor moves to the next participant as soon as there is one."""
+        """Whether the cursor moves to the next participant when there is one."""
         self.loaded = StudyNow()
         self.is_read = False
         """Whether the study has been read."""
         self.conditions: Conditions = NO_CONDITIONS
         self._fingerprint: object = None
         self.busy = ""
-        """The work that must end first, as a sentence; empty: none."""
+        """The work that must end first, in a sentence; empty: none."""
         self._stop_pressed = False
         self.head, self.notice, self.hints = StudyHead(), StudyNotice(), StudyHints()
         self.lists = StudyLists()
@@ -157,7 +157,7 @@ class StudyScreen(Screen[None]):
         """Show the result of a session that has ended, and go on to the next participant or the named one."""
         self.busy, self._stop_pressed = "", False
         self._goes_to_next, self._select = True, participant or self._select
-        self.lists.clear_find()  # else the search might hide the next participant
+        self.lists.clear_find()  # otherwise the search might hide the next participant
         self.say(sentence)
         self.read()
 
@@ -225,7 +225,7 @@ class StudyScreen(Screen[None]):
         self.read()
 
     def stop_pressed(self) -> None:
-        """Handle the stop key: stop a session that is starting, or that runs without a console here, immediately."""
+        """Handle the stop key: stop immediately a session that is starting, or that runs without a console here."""
         entry = self._running_entry()
         if self.busy:
             self._stop_pressed = True
@@ -238,7 +238,7 @@ class StudyScreen(Screen[None]):
             self._tell("nothing to stop: no session of this study is running here")
 
     def _running_entry(self) -> SessionEntry | None:
-        """The study's running session, as far as it was seen."""
+        """The study's running session, as far as known."""
         standing = self.loaded.standing
         if standing is None:
             return None
@@ -257,7 +257,7 @@ class StudyScreen(Screen[None]):
     # --- one participant --------------------------------------------------------------------------------------------
 
     def open_selected(self) -> None:
-        """Do what the participant under the cursor needs next."""
+        """Do the next step for the participant under the cursor."""
         each = self.lists.selected
         if each is None:
             self._say_nobody()
@@ -300,7 +300,7 @@ class StudyScreen(Screen[None]):
     # --- reports ----------------------------------------------------------------------------------------------------
 
     def report_selected(self) -> None:
-        """Show the report of this participant's last session; from there, the others can be opened."""
+        """Show the report of this participant's last session, from which the others can be opened."""
         each = self.lists.selected
         ended = study_dialogs.ended_sessions(each, self.loaded.standing) if each is not None else []
         if ended:
@@ -329,7 +329,7 @@ class StudyScreen(Screen[None]):
     # --- the wizard's name ------------------------------------------------------------------------------------------
 
     def _named(self, go_on: Callable[[], None]) -> None:
-        """Go on when the wizard's name is known."""
+        """Continue when the wizard's name is known."""
         if self.wizard:
             go_on()
         else:
@@ -429,7 +429,7 @@ class StudyScreen(Screen[None]):
         study_dialogs.ask_about_unfinished(self.app, entry, self.conditions, carry_out)
 
     def _ask_afterwards(self, entry: SessionEntry) -> None:
-        """Make the checks after a session and ask for its outcome, if nobody could be asked at its end."""
+        """Make the checks after a session and ask for its outcome, if that was not possible at its end."""
 
         def ask(checks: object) -> None:
             if checks is not None:

@@ -32,7 +32,7 @@ from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 TALL = 34
-"""Rows from which there is room for the lines of the file."""
+"""Minimum rows for showing the lines of the file."""
 FILE_LINES, USED_LINES = 7, 4
 
 
@@ -48,14 +48,14 @@ class ActPage(FormPage):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        """`name`: the act; after a zero character, the action where the cursor begins."""
+        """`name`: the act; after a zero character, the first action of the cursor."""
         act, _, action = name.partition("\0")
         super().__init__(frame, act)
         self.head, self.scale = StaticLines(id="head"), StaticLines(id="scale")
         self.actions = RowList(id="actions")
         self.parting, self.file = StaticLines(id="parting"), StaticLines(id="file")
         self._goes_to = action
-        """The action that gets the cursor once it exists."""
+        """The action that gets the cursor when it exists."""
 
     def compose(self) -> ComposeResult:
         yield self.head

@@ -38,9 +38,9 @@ class DataPage(FormPage):
     CAN_FILTER = True
     TITLE: ClassVar[str]
     EMPTY: ClassVar[str]
-    """The text for an empty page; it says how to make the first row."""
+    """The text for an empty page, which shows how to make the first row."""
     COUNTED: ClassVar[tuple[str, str]] = "value", ""
-    """What the rows are, and what follows their number."""
+    """The name of the rows, and the text after their number."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)

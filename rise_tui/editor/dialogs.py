@@ -1,4 +1,4 @@
-"""The editor's dialogs: a list to choose from, a line to type in, a draft, two versions of a file, saving, mistakes."""
+"""The editor's dialogs: a list to choose from, a line to type in, a draft, two versions of a file, saving, errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rise_tui.widgets.fields import TextField
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 NEW = "\0new"
-"""The id of the row that creates what was typed."""
+"""The id of the row that creates the typed name."""
 WHOLE = 3
 """Lines for the full help of a choice."""
 IN_WORDS = 2
@@ -80,8 +80,8 @@ class PickList(SearchDialog[Picked]):
         tab: Mapping[str, str] | None = None,
     ) -> None:
         """
-        :param now: the value where the cursor begins.
-        :param new: what a name becomes that is not in the list; empty: nothing.
+        :param now: the first value of the cursor.
+        :param new: the use of a name that is not in the list; empty: none.
         :param ticked: the values that are ticked first; None: a list to choose one value, without ticks.
         :param enter: what Enter does. :param tab: what Tab does, for each value that has an entry.
         """
@@ -239,7 +239,8 @@ def _local_time(kept: str) -> str:
 
 
 def draft_dialog(draft: Draft) -> Dialog:
-    """What an earlier editor has not saved: restore or discard it. Esc leaves the editor and keeps it."""
+    """Ask what to do with an earlier editor's unsaved changes: restore or discard them. Esc leaves the editor and keeps
+    them."""
     says = [clean(sentence) for sentence in draft.says]
     lines = [
         f"An editor ended without saving ({_local_time(draft.kept)}):",
@@ -325,9 +326,9 @@ _TITLE_WIDTH = 70
 
 
 def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None:
-    """List everything that is wrong. The page of the chosen one opens, or its remedies.
+    """List all diagnostics and findings. The page of the chosen one opens, or its remedies.
 
-    :param now: the number of the entry where the cursor begins.
+    :param now: the first entry of the cursor.
     """
     draft, explored = frame.study.draft, frame.explored
     findings = draft.findings
@@ -381,7 +382,7 @@ def _go_to(frame: EditFrame, page: tuple[str, str] | None, text: str) -> None:
 
 
 def _show_steps(frame: EditFrame, app: App[object], finding: ExploredPlace, now: str) -> None:
-    """Show the steps of a session that lead to a finding; then the list again, at the same place."""
+    """Show the steps of a session that lead to a finding, then the list again, at the same place."""
     title = f"{frame.explored.word(frame.study.draft)}: {finding.file}:{finding.line}"
     steps = DetailScreen(title, lambda width: explored_rows(finding, width))
     app.push_screen(steps, lambda _: choose_finding(frame, app, now=now))

@@ -33,9 +33,9 @@ from rise_tui.widgets.fields import EndingSuggester, TextField
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 Step: TypeAlias = Literal[0, 1, -1]
-"""Where the cursor goes: to this field, the next, the previous one."""
+"""The cursor's next field: this one, the next, the previous one."""
 TAKES: dict[str, Step] = {"enter": 0, "tab": 1, "down": 1, "shift+tab": -1, "up": -1}
-"""Keys that accept what is typed."""
+"""Keys that accept the typed text."""
 
 
 class FieldList(Vertical):
@@ -76,7 +76,7 @@ class FieldList(Vertical):
         return self.field(self.rows.current_id)
 
     def field(self, id: str) -> EditField | None:
-        """One of the fields; None: it is not shown now."""
+        """One of the fields; None: not shown now."""
         return self._fields.get(id)
 
     @property
@@ -95,7 +95,7 @@ class FieldList(Vertical):
         return max(20, self.rows.row_width)
 
     def show(self, fields: Sequence[EditField]) -> None:
-        """Show these fields. The field that is being typed in keeps its text."""
+        """Show these fields. The field with the cursor keeps its typed text."""
         self._fields = {each.id: each for each in fields}
         at = self._typing.id if self._typing is not None else self.rows.current_id
         self.rows.show(field_rows(fields, self._width, (at, self._option)))
@@ -107,7 +107,7 @@ class FieldList(Vertical):
         self._draw_said()
 
     def say(self, *notes: FieldNote) -> None:
-        """Show remarks about what is typed."""
+        """Show remarks about the typed text."""
         self._notes = notes
         self._draw_said()
 
@@ -119,7 +119,7 @@ class FieldList(Vertical):
         self._said.show(*(crop((("   ", "plain"), *line), width) for line in lines))
 
     def notes_on(self, field: EditField) -> Sequence[FieldNote]:
-        """What is said about a field, the most important first."""
+        """Return the remarks about a field, the most important first."""
         is_seen = not self.is_typing and not self._is_cut(field)
         return self._notes or info("" if is_seen else field.reason or field.note)
 
@@ -132,7 +132,7 @@ class FieldList(Vertical):
     def open_current(self, *, select: bool = False) -> None:
         """Open the field under the cursor.
 
-        :param select: whether what is typed replaces the whole value.
+        :param select: whether typed text replaces the whole value.
         """
         field = self.current
         if field is None or field.reason or field.kind == "fixed":
@@ -208,7 +208,7 @@ class FieldList(Vertical):
         self.app.push_screen(PickList(question, choices, now=text, new=field.new, ticked=ticks), take)
 
     def _ending(self, text: str) -> str:
-        """A likely ending for what is typed."""
+        """Return a likely ending for the typed text."""
         names = [each.value for each in self._typing.choices] if self._typing is not None else []
         is_expression = self._typing is not None and self._typing.is_expression
         return suggest_ending(text, names) if is_expression else complete_name(text, names)
@@ -220,7 +220,7 @@ class FieldList(Vertical):
             self.typed(self._typing, event.value)
 
     def typed(self, field: EditField, text: str) -> None:
-        """Check what is typed."""
+        """Check the typed text."""
         self._page.preview(lambda: field.edits(text or None), self.say)
 
     # --- keys ---------------------------------------------------------------------------------------------------------
@@ -231,7 +231,7 @@ class FieldList(Vertical):
             event.prevent_default()
 
     def carry_out_key(self, key: str) -> bool:
-        """Carry out a key that is not text; False: it means nothing here."""
+        """Carry out a key that is not text; False: it has no meaning here."""
         if self._typing is None:
             return False
         if key == "escape":
@@ -241,7 +241,7 @@ class FieldList(Vertical):
         return key == "escape" or key in TAKES
 
     def _take(self, step: Step) -> None:
-        """Accept what is typed, and open the next field."""
+        """Accept the typed text, and open the next field."""
         field, text = self._typing, self.input.value
         self.close()
         if field is not None and text != (field.text or ""):
@@ -271,12 +271,12 @@ class FormPage(EditPage):
 
     @property
     def form_calls(self) -> Mapping[str, Callable[[], object]]:
-        """What actions do while the form has the focus."""
+        """The effects of actions while the form has the focus."""
         return {"edit.open": self.form.open_current, "edit.remove": self.form.clear_current}
 
 
 class FormPanel(FieldList):
-    """Shows a form (`open`). The field under the cursor is always open; Enter carries the form out, Esc leaves it."""
+    """Shows a form (`open`). The field under the cursor is always open. Enter carries out the form, Esc leaves it."""
 
     DEFAULT_CSS = """
     FormPanel { height: auto; max-height: 70%; }
@@ -290,7 +290,7 @@ class FormPanel(FieldList):
         self.form: Form | None = None
         self._when_closed: Callable[[Form | None], None] = lambda form: None
         self._found: Sequence[FieldNote] = ()
-        """What would be newly wrong with the study."""
+        """The new diagnostics that the study would have."""
 
     def compose(self) -> ComposeResult:
         yield self.heading
@@ -303,7 +303,7 @@ class FormPanel(FieldList):
     def open(self, form: Form, focus: str, closed: Callable[[Form | None], None]) -> None:
         """Show a form with the cursor in field `focus`, or else in the first text field.
 
-        :param closed: receives the form when it was carried out; None if the author has left it.
+        :param closed: receives the form when it was carried out; None: the author left it.
         """
         self.form, self._when_closed, self._found, self._typing = form, closed, (), None
         self._show_form()
@@ -364,7 +364,7 @@ class FormPanel(FieldList):
         self._page.preview(self._edits_so_far, self._say_found)
 
     def _edits_so_far(self) -> tuple[AnyEdit, ...]:
-        """The edits of the form; none while it is incomplete, because that is not wrong yet."""
+        """Return the edits of the form; none while it is incomplete, because that is no error yet."""
         try:
             return self.form.edits() if self.form is not None else ()
         except EditRefused:
@@ -394,7 +394,7 @@ class FormPanel(FieldList):
         return True
 
     def _finish(self, form: Form, then: Callable[[], None]) -> None:
-        """Carry the form out, if nothing is missing."""
+        """Carry out the form, if nothing is missing."""
         try:
             edits = form.edits()
         except EditRefused as refused:

@@ -39,7 +39,7 @@ USUAL_EDITORS = ("nano", "vim", "vi")
 
 
 def editor_command() -> list[str]:
-    """The program that `$VISUAL` or `$EDITOR` names, else the first usual one."""
+    """The program in `$VISUAL` or `$EDITOR`, or else the first usual one."""
     named = os.environ.get("VISUAL") or os.environ.get("EDITOR")
     if named:
         return shlex.split(named)
@@ -48,7 +48,7 @@ def editor_command() -> list[str]:
 
 
 def arguments_at(command: list[str], path: str, line: int) -> list[str]:
-    """The command line that opens a file at a line, in this editor's syntax.
+    """Return the command line that opens a file at a line, in this editor's syntax.
 
     >>> arguments_at(["vim"], "a.xml", 3), arguments_at(["hx"], "a.xml", 3)
     (['vim', '+3', 'a.xml'], ['hx', 'a.xml:3'])
@@ -68,11 +68,11 @@ async def edit_file(app: App[Any], frame: StudyFrame, place: FilePlace) -> None:
     """Give the terminal to the editor until it ends. The caller then looks for changes on the disk.
 
     A file without unsaved changes is edited in place and read again. Otherwise the editor gets a copy of the draft, and
-    the result is one more change of the draft. :raises EditRefused: the draft cannot take it.
+    the result becomes a change of the draft. :raises EditRefused: the draft cannot take it.
     """
     draft = frame.study.draft
     content = draft.files.get(place.file)
-    if place.file in draft.above:  # a file of the study above: outside the draft
+    if place.file in draft.above:  # a file of the study above is outside the draft
         await _run(app, frame, place.file, place.line)
         return
     if content is None:
@@ -92,7 +92,7 @@ async def edit_file(app: App[Any], frame: StudyFrame, place: FilePlace) -> None:
 
 
 async def _edit_copy(app: App[Any], frame: StudyFrame, place: FilePlace, content: bytes) -> bytes:
-    """Edit a copy of the draft's file; returns its new content."""
+    """Edit a copy of the draft's file. Returns its new content."""
     with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
         copy = Path(folder, Path(place.file).name)
         await asyncio.to_thread(copy.write_bytes, content)
@@ -111,7 +111,7 @@ async def _run(app: App[Any], frame: StudyFrame, path: str, line: int) -> None:
 
 
 class StudyFrame(Screen[None]):
-    """What the editor does with a study, on every page."""
+    """The editor's work on the study, on every page."""
 
     def __init__(
         self,
@@ -124,18 +124,18 @@ class StudyFrame(Screen[None]):
         """
         :param sessions: finds a session that runs beside the editor; None: the console below has the stop key.
         :param may_suspend: whether another program may use the terminal for a while; not if a session runs here.
-        :param explorer: explores the study when it is opened and after each save; None: nothing does.
+        :param explorer: explores the study when it is opened and after each save; None: no exploration.
         """
         super().__init__(classes=EDITOR)
         self.study, self._sessions, self._explorer = study, sessions, explorer
         self._may_suspend = may_suspend
         self.explored = ExploredStudy()
-        """What exploring has found in the saved files."""
+        """The result of exploring the saved files."""
         self.running: RunningHere | None = None
         self.notice = StudyNotice()
         self._is_closing = False
         self._works = 0
-        """The number of unfinished jobs that keys have begun."""
+        """The number of unfinished jobs of keys."""
 
     @property
     @abstractmethod
@@ -180,7 +180,7 @@ class StudyFrame(Screen[None]):
 
     @property
     def is_working(self) -> bool:
-        """Whether a job is running that a key has begun, and that may open something."""
+        """Whether a job of a key is running that may open something."""
         return self._works > 0
 
     def _work(self, work: Coroutine[Any, Any, None]) -> None:
@@ -216,9 +216,9 @@ class StudyFrame(Screen[None]):
     # --- exploring ---------------------------------------------------------------------------------------------------
 
     def _explore(self) -> None:
-        """Explore the saved files, beside everything else. This cancels an earlier exploration.
+        """Explore the saved files in the background. This cancels an earlier exploration.
 
-        Files with errors that are known here are not explored.
+        Files with known errors are not explored.
         """
         self.workers.cancel_group(self, "explore")
         draft, explorer = self.study.draft, self._explorer
@@ -256,7 +256,7 @@ class StudyFrame(Screen[None]):
         await self._look_outside(settled=True)
 
     async def _look_outside(self, *, settled: bool = False) -> bool:
-        """Read what somebody else has written. True: the author must decide which version stays."""
+        """Read outside changes. True: the author must choose the version that stays."""
         try:
             outside = await self.study.do("", lambda workspace: workspace.notice_outside(settled=settled))
         except EditRefused as refused:
@@ -336,7 +336,7 @@ class StudyFrame(Screen[None]):
     # --- stopping and leaving ----------------------------------------------------------------------------------------
 
     def stop_pressed(self) -> None:
-        """Handle the stop key, if the console below has none of its own."""
+        """Handle the stop key, if the console below has none."""
         if self.running is None or self._sessions is None:
             self.say("no session of this study runs here")
         else:
@@ -347,7 +347,7 @@ class StudyFrame(Screen[None]):
         self.say(await asyncio.to_thread(sessions.stop, session), "fault")
 
     def ask_to_leave(self) -> None:
-        """Close the editor; with unsaved changes, ask first."""
+        """Close the editor. With unsaved changes, ask first."""
         if not self.study.draft.changed_files:
             self.close()
             return

@@ -39,18 +39,18 @@ class EditFrame(Protocol):
 
     @property
     def explored(self) -> ExploredStudy:
-        """What exploring has found in the saved files."""
+        """The result of exploring the saved files."""
 
     def say(self, sentence: str, level: Level = "info") -> None:
-        """Tell the author something, above the key hints."""
+        """Show the author a sentence, above the key hints."""
 
     def attempt(self, work: Callable[[], object]) -> None:
-        """Do something that may raise EditRefused. A notice then says why. Actions and answers are done in this way."""
+        """Do something that may raise EditRefused, with a notice of the reason."""
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step, and draw everything again. `then` is called once they are made, or if there are none.
+        """Make edits as one step, and draw everything again. `then` is called after them, or if there are none.
 
-        A notice reports what cannot be made.
+        A notice reports refused edits.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
@@ -65,14 +65,14 @@ class EditFrame(Protocol):
     def choose(
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
-        """Let the author choose one; typing filters. `new`: what a name becomes that is not among the choices."""
+        """Let the author choose one; typing filters. `new`: the use of a name that is not among the choices."""
 
     def draw_bars(self) -> None:
         """Draw the lines around the page again, after its content or its keys have changed."""
 
 
 class EditPage(Vertical):
-    """Fills the frame. `draw` makes everything that it shows, from `draft`."""
+    """Fills the frame. `draw` makes all its contents from `draft`."""
 
     DEFAULT_CSS = "EditPage { height: 1fr; width: 1fr; layers: default edit; }"
 
@@ -115,7 +115,7 @@ class EditPage(Vertical):
         return {}
 
     def turn(self, step: int) -> bool:
-        """Handle `left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
+        """Handle `left` (-1) and `right` (1) while nothing is typed; False: they have no meaning here."""
         return False
 
     def on_key(self, event: events.Key) -> None:
@@ -124,7 +124,7 @@ class EditPage(Vertical):
             event.prevent_default()
 
     def leave(self) -> bool:
-        """Handle `esc`: whether the page had something to go back from."""
+        """Handle `esc`. Returns whether the page had something to go back from."""
         had = bool(self.wanted)
         if had:
             self.filter("")
@@ -147,7 +147,7 @@ class EditPage(Vertical):
 
     @property
     def still_there(self) -> bool:
-        """Whether the content of the page still exists; otherwise the frame closes it."""
+        """Whether the content of the page still exists. Otherwise the frame closes it."""
         return True
 
     @property
@@ -157,7 +157,7 @@ class EditPage(Vertical):
 
     @property
     def is_typing(self) -> bool:
-        """Whether a field is open; outside changes then wait."""
+        """Whether a field is open. Outside changes then wait."""
         return False
 
     def hide_list(self, hidden: bool) -> None:
@@ -192,7 +192,7 @@ class EditPage(Vertical):
 
 
 LEAST_TITLE, MOST_TITLE = 8, 34
-"""Cells of the study's title, which gets the space that is left."""
+"""Cells of the study's title, which gets the remaining space."""
 
 
 def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
@@ -215,7 +215,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
 
 
 def finding_line(draft: StudyDraft, about: str) -> StyledLine:
-    """The first diagnostic; those in the file `about` come first."""
+    """The first diagnostic. Those in the file `about` come first."""
     found = draft.findings
     if not found:
         return ()
@@ -239,7 +239,7 @@ COMMON_HINTS = {
 
 
 class EditTopLine(StaticLines):
-    """The study, EDIT, what is wrong, what is not saved."""
+    """The study, EDIT, its errors, and its unsaved changes."""
 
     DEFAULT_CSS = "EditTopLine { background: $rise-bar; }"
 
@@ -248,12 +248,12 @@ class EditTopLine(StaticLines):
 
 
 class FindingLine(StaticLines):
-    """The first thing that is wrong."""
+    """The first diagnostic or finding."""
 
     def draw(self, draft: StudyDraft, file: str, explored: ExploredStudy, about: tuple[str, str, str]) -> None:
-        """`file`: the file that is shown. `about`: kind and name of the page, and the state under the cursor.
+        """`file`: the shown file. `about`: kind and name of the page, and the state under the cursor.
 
-        Findings of exploring about these come after mistakes in the file, and before warnings elsewhere.
+        Findings about these come after errors in the file, and before warnings elsewhere.
         """
         found = explored.about(*about)
         is_first = bool(draft.checked.errors) or any(each.location.file == file for each in draft.findings)
@@ -270,7 +270,7 @@ class FindingLine(StaticLines):
 
 
 class BannerLine(StaticLines):
-    """A permanent line while a session runs. It takes no row when it is empty."""
+    """A permanent line while a session runs. Without text it takes no row."""
 
     DEFAULT_CSS = """
     BannerLine { display: none; }

@@ -64,7 +64,7 @@ class RuleHost(EditPage):
 
     @property
     def findings(self) -> Sequence[Diagnostic]:
-        """The diagnostics of the study, and what exploring has found in its rules."""
+        """The diagnostics of the study, and the findings of exploring in its rules."""
         return [*self.draft.findings, *findings_in_rules(self.frame.explored, self.draft)]
 
 
@@ -112,7 +112,7 @@ class RuleDisplay(Vertical):
     """
 
     def __init__(self, page: RuleHost, rule: str, state: str = "") -> None:
-        """`state`: where the cursor begins; empty: at the rule's first state."""
+        """`state`: the first state of the cursor; empty: the rule's first state."""
         super().__init__(id="rule-page")
         self._page, self._rule_name = page, rule
         self.spot = GraphSpot(state) if state else None
@@ -203,7 +203,7 @@ class RuleDisplay(Vertical):
         name, right = f" {rule.name}", f"{rule.file}:{rule.line} "
         width = max(20, self.size.width)
         while notes and cell_width(f"{name}   {' · '.join(notes)} {right}") > width:
-            notes.pop()  # the last one matters least, and half a word helps nobody
+            notes.pop()  # the last one matters least, and half a word is useless
         left: StyledLine = ((name, "strong"), (f"   {' · '.join(notes)}", "muted"))
         return align_at_both_ends(left, ((right, "muted"),), width)
 
@@ -287,7 +287,7 @@ def _starts(binding: object, rule: str) -> bool:
 
 
 def part_line(part: PartRow, mark: StyledSpan, width: int) -> StyledLine:
-    """One row, indented. Its target is at the end, and is visible whatever else is cut."""
+    """One row, indented. Its target is at the end, and always visible."""
     indent = " " * (2 * part.depth)
     if part.kind == "heading":
         return (mark, (part.text, "strong"))

@@ -54,7 +54,7 @@ class RuleEditor(RuleDisplay):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        """The actions that matter under the cursor, the most important first, each with a word."""
+        """The actions for the item under the cursor, the most important first, each with a word."""
         if self.parts.has_focus:
             return PART_HINTS
         return STATE_HINTS if self.spot is None or self.spot.transition < 0 else TRANSITION_HINTS
@@ -70,7 +70,7 @@ class RuleEditor(RuleDisplay):
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
-        """The actions of the editor that mean something here."""
+        """The actions of the editor that have a meaning here."""
         calls: dict[str, Callable[[], object]] = {"edit.new-state": self._new_state, "edit.try": self._try_rule}
         rule, state, spot = self.rule, self.state, self.spot
         if rule is None or state is None or spot is None:
@@ -132,7 +132,7 @@ class RuleEditor(RuleDisplay):
         self.panel.open(form, focus, self._form_closed)
 
     def _form_closed(self, form: Form | None) -> None:
-        """Return to the list or the graph, and to what the form has created; None: it was left."""
+        """Return to the list or the graph, and to the new item; None: the form was left."""
         self.remove_class("-form")
         self._opened_from.focus()
         if form is None:
@@ -172,7 +172,7 @@ class RuleEditor(RuleDisplay):
     def _function_here(self, key: str) -> tuple[StatementAddress, CallForm]:
         """The function at the cursor of the list.
 
-        :param key: what the key does with it. :raises EditRefused: the cursor is not on one that can be changed.
+        :param key: the key's effect on it. :raises EditRefused: the cursor is not on one that can be changed.
         """
         part = self.parts.part
         if not self.parts.has_focus or part is None or part.at is None or part.call is None:
@@ -195,7 +195,7 @@ class RuleEditor(RuleDisplay):
         self._open(ConditionRuleForm({}, self._page.names, at, "otherwise", can_be_else=can_be_else))
 
     def _by_chance(self) -> None:
-        """Make the function at the cursor one of several; chance picks one of them."""
+        """Make the function at the cursor one of several; a random choice picks one of them."""
         at, call = self._function_here("b makes a function one of several")
         first = structs.replace(at, path=(*at.path, 0))
         edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
@@ -247,7 +247,7 @@ def _check_changeable(part: PartRow) -> None:
 
 
 def _arm(part: PartRow) -> StatementAddress:
-    """The arm of an `if` whose condition a row shows."""
+    """The branch of an `if` whose condition a row shows."""
     assert part.at is not None
     path = (*part.at.path, 0) if part.kind == "if" else part.at.path
     return structs.replace(part.at, path=path)

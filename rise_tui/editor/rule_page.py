@@ -25,7 +25,7 @@ from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.lines import RowList
 
 BESIDE = 100
-"""Columns from which the trial run is beside the rule. In a narrower terminal it replaces the rule."""
+"""Minimum columns for a trial run beside the rule. In a narrower terminal it replaces the rule."""
 
 
 class RulePage(RuleHost):
@@ -43,7 +43,7 @@ class RulePage(RuleHost):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        """`name`: the rule; after a zero character, the state where the cursor begins."""
+        """`name`: the rule; after a zero character, the first state of the cursor."""
         rule, _, state = name.partition("\0")
         super().__init__(frame, rule)
         self.editor, self.trial = RuleEditor(self, rule, state), TrialView()
@@ -152,7 +152,7 @@ class RulePage(RuleHost):
         self.editor.graph.focus()
 
     def _place_trial(self) -> None:
-        """Beside the rule, the trial run needs no graph: the cursor in the rule's graph follows it."""
+        """Place the trial run. Beside the rule it needs no graph: the cursor in the rule's graph follows it."""
         beside = self.is_trying and self._is_beside
         self.set_class(beside, "-beside")
         self.trial.set_class(beside, "-beside")

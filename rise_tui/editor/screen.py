@@ -42,7 +42,7 @@ PAGES: dict[str, type[EditPage]] = {
 }
 """The pages by their kind. To add one, see `rise_tui.editor.page`."""
 WIDE = 110
-"""Columns from which the list of the study stays beside an open page."""
+"""Minimum columns for the list of the study beside an open page."""
 
 
 class EditScreen(StudyFrame):
@@ -114,7 +114,7 @@ class EditScreen(StudyFrame):
         if before is not None:
             await before.remove()
         self.set_focus(page.first_focus)
-        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also when a diagnostic led here
+        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also after a diagnostic led here
         page.draw()
         self.draw_bars()
 

@@ -1,4 +1,4 @@
-"""A page with a list. A field below it changes the item under the cursor, on as many lines as it needs."""
+"""A page with a list. A field below it changes the item under the cursor, on the lines that it needs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SAID, LEAST_ROWS = 2, 3
 
 
 STEPS = {"enter": 0, "tab": 1, "shift+tab": -1}
-"""Keys that accept what is typed, and the step to the next text."""
+"""Keys that accept the typed text, and the step to the next text."""
 
 
 class SentenceField(TextArea, TakesText):
@@ -159,11 +159,11 @@ class SentencePage(EditPage):
 
     @abstractmethod
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
-        """The edits for the typed text. :raises EditRefused: it makes no sense."""
+        """The edits for the typed text. :raises EditRefused: it has no meaning."""
 
     @abstractmethod
     def go_on(self, step: int, *, changed: bool) -> None:
-        """Go on after the field was accepted and closed: to the next text (1), the previous one (-1), or none (0)."""
+        """After the field was accepted, continue with the next text (1), the previous one (-1), or none (0)."""
 
     def step_over(self, step: int) -> int:
         """The step for `go_on`. Called when the typed text is accepted, before its edits are made."""
@@ -199,7 +199,7 @@ class SentencePage(EditPage):
         self.said.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
 
     def take(self, typed: str, step: int) -> None:
-        """Accept what is typed, and go on to the next text (1), the previous one (-1), or none (0)."""
+        """Accept the typed text, and go on to the next text (1), the previous one (-1), or none (0)."""
         if not self.is_typing:
             return
         try:

@@ -1,4 +1,4 @@
-"""A study's workspace for a screen, and what exploring has found in it.
+"""A study's workspace for a screen, and the findings of exploring in it.
 
 Work on the disk runs in a thread, one task after the other; exploring runs in a process of its own.
 """
@@ -41,7 +41,7 @@ class ExploredPlace(Struct, frozen=True):
     act: str = ""
     key: str = ""
     way: tuple[str, ...] = ()
-    """How a session gets there, one sentence for each step."""
+    """The path of a session to it, one sentence for each step."""
 
     @property
     def severity(self) -> Severity:
@@ -56,7 +56,7 @@ class ExploredStudy(Struct, frozen=True):
     situations: int = 0
     complete: bool = True
     at: str = ""
-    """When it began: `14:05`; empty: nothing has been explored yet."""
+    """The time of its start: `14:05`; empty: not explored yet."""
     files: Mapping[str, bytes] = {}
     """The files as they were saved then."""
     is_asked_again: bool = False
@@ -69,7 +69,7 @@ class ExploredStudy(Struct, frozen=True):
         return self.files == draft.files
 
     def word(self, draft: StudyDraft) -> str:
-        """The word before a finding: where it comes from and, if it is outdated, when it was found."""
+        """The word before a finding: its source and, if it is outdated, its time."""
         return f"{'exploring again' if self.is_asked_again else 'explored'}{self._when(draft)}"
 
     def _when(self, draft: StudyDraft) -> str:
@@ -89,7 +89,7 @@ class ExploredStudy(Struct, frozen=True):
                 return []
 
     def seen(self, draft: StudyDraft) -> str:
-        """How much was explored, and when; empty: nothing was."""
+        """The extent and time of the exploration; empty: none."""
         if not self.at:
             return ""
         number = f"{self.situations:,} {'situation' if self.situations == 1 else 'situations'}"
@@ -112,7 +112,7 @@ class ExploredStudy(Struct, frozen=True):
 
 
 def read_explored(document: bytes, at: str) -> ExploredStudy | None:
-    """The program's output as data. None: the study has errors, or nothing was explored for another reason."""
+    """The program's output as data; None: the study has errors, or could not be explored."""
     try:
         explored = msgspec.json.decode(document)["explored"]
         findings = msgspec.convert(explored["findings"], tuple[ExploredPlace, ...])
@@ -123,7 +123,7 @@ def read_explored(document: bytes, at: str) -> ExploredStudy | None:
 
 
 def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
-    """The first of these findings; without one, the result of the whole exploration (quiet if that is empty)."""
+    """The first of these findings; without one, the result of the exploration (muted if that is empty)."""
     if findings:
         mark, role = NOTE_MARKS[findings[0].severity]
         return ((f" {mark}{explored.word(draft)}: ", role), (clean(findings[0].text), role))
@@ -134,7 +134,7 @@ def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence
 
 
 def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
-    """A finding in full: its sentence, and how a session gets there, step by step."""
+    """A finding in full: its sentence, and the path of a session to it, step by step."""
     _, role = NOTE_MARKS[finding.severity]
     rows = [ListRow("", ((f" {line}", role),), selectable=False) for line in wrap(finding.text, width - 2)]
     rows.append(ListRow("", (), selectable=False))
@@ -192,7 +192,7 @@ Explorer: TypeAlias = Callable[[str], Awaitable[ExploredStudy | None]]
 
 
 async def explore_saved(folder: str, *, after: float = QUIET_SECONDS) -> ExploredStudy | None:
-    """What `rise-engine check --deep` finds in a folder, after `after` seconds.
+    """Return the findings of `rise-engine check --deep` in a folder, after `after` seconds.
 
     The process ends with the task that waits for it. None: the study has errors, or the process has failed.
     """
@@ -229,9 +229,9 @@ class EditedStudy:
         """The current work, in a word; empty: none."""
 
     async def do(self, busy: str, work: Callable[[Workspace], Result]) -> Result:
-        """Let the workspace do something in a thread, after all earlier work; then renew the draft.
+        """Let the workspace do something in a thread, after all earlier work, then renew the draft.
 
-        :param busy: the work, in a word. :raises EditRefused: it cannot be done; then nothing has changed.
+        :param busy: the work, in a word. :raises EditRefused: it cannot be done, and nothing has changed.
         """
 
         def work_and_look() -> tuple[Result, StudyDraft]:
@@ -272,4 +272,4 @@ class SessionWatch(Protocol):
         """The latest session of this scenario on this computer."""
 
     def stop(self, session: RunningHere) -> str:
-        """Stop everything there; returns the result as a sentence."""
+        """Stop everything there. Returns the result as a sentence."""

@@ -30,7 +30,7 @@ from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.lines import RowList, RowView
 
 BESIDE = 76
-"""Columns from which there is room for the item under the cursor."""
+"""Minimum columns for the item under the cursor."""
 
 
 class StudyPage(EditPage):
@@ -51,7 +51,7 @@ class StudyPage(EditPage):
         self.beside.can_focus = False
         self._rows: list[ListRow] = []
         self._made_from: tuple[LoadResult, int, str] | None = None
-        """What the rows were made from."""
+        """The sources of the rows."""
 
     def compose(self) -> ComposeResult:
         with Horizontal():
@@ -137,13 +137,13 @@ class StudyPage(EditPage):
             self._select(kind, name)
 
     def _found_in(self, kind: str, name: str) -> str:
-        """The name of the page to open. For an act that was found by its words, it includes the action with them."""
+        """The name of the page to open. For an act found by its words, it includes the action with them."""
         act = self.draft.outline.act(name) if kind == "act" else None
         found = action_with(act, self.wanted) if act is not None and self.wanted else ""
         return f"{name}\0{found}" if found else name
 
     def _ask_for_new(self) -> None:
-        """Ask for a new rule if the cursor is on a rule, else for a new act."""
+        """Ask for a new rule if the cursor is on a rule, otherwise for a new act."""
         kind, name = self.current
         if kind == "rule":
             self._ask_for_rule(name)

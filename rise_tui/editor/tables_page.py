@@ -89,7 +89,7 @@ class TablesPage(SentencePage):
     LEAST_DETAIL = 4
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        """`name`: where the cursor begins, `tables/items.csv:3`; empty: on the first row."""
+        """`name`: the first place of the cursor, `tables/items.csv:3`; empty: the first row."""
         self.grid = TableGrid()
         super().__init__(frame, name, self.grid, exact=True)
         self._begins_at = name

@@ -62,7 +62,7 @@ class TextsPage(SentencePage):
         self._shown: list[TextEntry] = []
         self._typing: TextEntry | None = None
         self._following = ""
-        """The id of the text to open once the typed text is applied."""
+        """The id of the text to open after the typed text was applied."""
 
     def compose_head(self) -> ComposeResult:
         yield self.head
@@ -138,7 +138,7 @@ class TextsPage(SentencePage):
         self.show_detail(self._detail_lines(entry, width))
 
     def _detail_lines(self, entry: TextEntry, width: int) -> list[StyledLine]:
-        """The whole text; while it is changed, only the other language."""
+        """The whole text; during a change, only the other language."""
         language, typing = self.view.language, self.is_typing
         own = original_lines(self.draft, entry, width, is_marked=self.column == 0)
         other = translation_lines(self.draft, entry, language, width, is_marked=self.column == 1) if language else []
@@ -262,7 +262,7 @@ class TextsPage(SentencePage):
         entry = self.entry
         if entry is None:
             return
-        if self.column == 0:  # refuse before somebody types
+        if self.column == 0:  # refuse before typing
             original_edits(self.draft, entry, f"{entry.text.text} …")
         self._typing = entry
         name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL

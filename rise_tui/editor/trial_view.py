@@ -1,6 +1,6 @@
-"""The trial run on the screen: the rule in its graph, what the author can do, what happened and why.
+"""The trial run on the screen: the rule in its graph, the possible actions, the events and their reasons.
 
-The study's own keys do what they do in a session. To keep them free, everything else has a key that no study can have
+The study's own keys have their effects of a session. Everything else has a key that no study can have
 (`rise_engine.scenario.keys.CONSOLE_KEYS`): Enter, ←, Home, Space, ctrl+k.
 """
 
@@ -65,7 +65,7 @@ class TrialView(Vertical):
 
     @dataclass
     class Played(Message):
-        """A step was made or taken back. `problem`: why not, or what was noticed."""
+        """A step was made or taken back. `problem`: why not, or a remark."""
 
         problem: str
 
@@ -118,7 +118,7 @@ class TrialView(Vertical):
         self.trial = trial
 
     def _work(self, work: Callable[[], object]) -> None:
-        """Do one job after the other in a thread, because a rule that runs in circles takes long."""
+        """Do one job after the other in a thread, because a rule in a loop takes long."""
         self.run_worker(self._do(work), group="trial")
 
     async def _do(self, work: Callable[[], object]) -> None:
@@ -184,7 +184,7 @@ class TrialView(Vertical):
     # --- keys ---
 
     def on_key(self, event: events.Key) -> None:
-        """Handle a key of the study, before a list would take it."""
+        """Handle a key of the study before a list takes it."""
         trial = self.trial
         if trial is None or self.value_bar.is_open:
             return

@@ -1,1 +1,1 @@
-"""What the console knows, and everything that follows from it: no widget, no terminal, no clock."""
+"""The console's knowledge, and its consequences: no widget, no terminal, no clock."""

@@ -29,7 +29,7 @@ from rise_tui.rendering.text import (
 )
 
 NARROW = 56
-"""Below this width, sources and expected times are left out, and the graph has few lines."""
+"""Below this width, sources and expected times are omitted, and the graph has few lines."""
 
 
 class ShownAct(NamedTuple):
@@ -40,7 +40,7 @@ class ShownAct(NamedTuple):
 
 
 def shown_act(store: Store) -> ShownAct | None:
-    """The act in the pane: the one that started last, or that the wizard selected since."""
+    """The act in the pane: the last started one, or the one that the wizard has selected since."""
     act = store.scenario.acts.get(store.shown_act)
     if act is not None:
         return ShownAct(act, newest_task(store, act.name))
@@ -52,7 +52,7 @@ def shown_act(store: Store) -> ShownAct | None:
 
 
 def running_action(store: Store) -> str:
-    """The id of the action that began last and has not ended; empty if none runs."""
+    """The id of the action that began last and has not ended; empty: none runs."""
     shown = shown_act(store)
     actions = shown.task.actions if shown is not None and shown.task is not None else {}
     return next((id for id, action in reversed(actions.items()) if action.ended is None), "")
@@ -144,12 +144,12 @@ class ActText:
         return f"{call.type}→{substitute}" if substitute else call.type
 
     def _substitute(self, call: ActionCall) -> str:
-        """The robot's substitute for an action that it does not have; empty for one that it has."""
+        """The robot's substitute for an action that it does not have; empty: it has the action."""
         spec = self._store.scenario.robot.actions.get(call.type)
         return spec.substitute or "" if spec is not None and not spec.supported else ""
 
     def _time_text(self, action: Action, begun: ActionView | None, *, wide: bool) -> str:
-        """How long the action took; `1.2/3.0` while it runs, `~3.0` before it begins."""
+        """The duration of the action; `1.2/3.0` while it runs, `~3.0` before it begins."""
         expected = self._estimate_seconds(action, begun)
         if begun is None:
             return f"~{format_seconds(expected)}" if wide and expected is not None else ""
@@ -210,7 +210,7 @@ class ActText:
         return lines
 
     def _given_lines(self, action: str, parameters: dict[str, Any], width: int) -> list[StyledLine]:
-        """What the robot receives as its text, if that differs from the text above."""
+        """The text that the robot receives, if it differs from the text above."""
         given = self._store.wording.parameters_for_robot(action, parameters)[MESSAGE]
         same = given == plain_words(spoken_text(parameters[MESSAGE]))
         return [] if same else field_lines("", f"the robot is given: {given}", width, "muted")

@@ -1,7 +1,7 @@
-"""What every wizard must know immediately: what is wrong, what still works, and what to do, in words. Pure.
+"""Alarms that every wizard must see immediately: the fault, what still works, and the remedy, in words. Pure.
 
-An alarm takes three lines, or four after a stop if some parts have not confirmed and others cannot be stopped. If there
-are several alarms, the worst is shown, and the last line names the others.
+An alarm takes three lines, or four after a stop if some parts have not confirmed and others cannot be stopped. Of
+several alarms, the worst is shown, and the last line names the others.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ BROKEN = ("failed", "stalled")
 
 
 def recorders_of(store: Store) -> list[RecordingRecord]:
-    """The last report of each recorder, the worst first. Empty when the engine has gone, in a replay, and for an engine
-    before a recovery, because the recorders of those reports may have gone, too."""
+    """The last report of each recorder, the worst first. Empty if the engine has gone, in a replay, and for an engine
+    before a recovery, because those recorders may have gone, too."""
     if store.gone_reason or store.cut_since is not None or store.attach_reply.replay:
         return []
     session = store.view.session
@@ -62,7 +62,7 @@ def all_recorders_run(store: Store) -> bool:
 
 
 def broken_recorders_text(store: Store) -> str:
-    """What does not record, since when and why; empty if all recorders run. All names come before the first reason,
+    """The recorders that do not record, since when and why; empty: all run. All names come before the first reason,
     which may be cut."""
     broken = broken_recorders(store)
     told = ", ".join(f"{clean(each.name)} {each.status.upper()} at {format_clock(each.t)}" for each in broken)
@@ -95,14 +95,14 @@ def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
 
 
 CUT_SECONDS = 1.0
-"""Seconds. A connection that returns sooner does not deserve an alarm."""
+"""Seconds that a cut connection may last without an alarm."""
 
 
 class Alarm:
-    """One thing that is wrong."""
+    """One fault."""
 
     def __init__(self, head: StyledLine, *more: StyledLine, counts_seconds: bool = False) -> None:
-        """`more`: its other lines. `counts_seconds`: it shows how long it has lasted, so it changes every second."""
+        """`more`: its other lines. `counts_seconds`: it shows its duration, so it changes every second."""
         self.head, self.more, self.counts_seconds = head, more, counts_seconds
 
 
@@ -113,7 +113,7 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     worst, *others = found
     if not others:
         return (worst.head, *worst.more)
-    # The second line says more than the others, except when those name what may still move after a stop.
+    # The second line is more important than the others, except for lines about parts that may still move after a stop.
     middle = [line for line in worst.more if any(role == "fault" for _, role in line)] or worst.more[:1]
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
@@ -163,7 +163,7 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
 
 
 def unrecorded_end_text(store: Store) -> str:
-    """What people are told after the end of a session whose record has no end; empty: it has one."""
+    """The warning after the end of a session whose record has no end; empty: it has one."""
     if not store.end_unrecorded:
         return ""
     stop = store.journal_status.stop
@@ -232,7 +232,7 @@ _WAITING: tuple[StyledLine, ...] = (
 
 
 def _answer_lines(stop: StopView | UnrecordedStop, key_name: KeyNames) -> list[StyledLine]:
-    """The parts that have confirmed a stop, and those that have not, which may be cut last."""
+    """The parts that have confirmed a stop, and those that have not, which are cut last."""
     look: StyledLine = ((f"   look at the robot; {key_name('stop')} asks again", "plain"),) if stop.unconfirmed else ()
     confirmed = group_parts(stop.confirmed) or "no part"
     lines: list[StyledLine] = [((f"   {'confirmed':<15}", "plain"), (confirmed, "strong"), *look)]
@@ -277,7 +277,7 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
 
 
 def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
-    """Alarms about what the robot may still be doing. During a stop, the stop's own alarm covers this."""
+    """Alarms about open goals. During a stop, the stop's own alarm covers them."""
     open = store.open_goals
     if not open or store.view.stop.latched:
         return
@@ -306,7 +306,7 @@ def _speech_ended_at(store: Store, at: float) -> bool:
 
 
 def degraded_text(store: Store) -> str:
-    """What is wrong with a robot that still works, or empty. Open goals have an alarm of their own."""
+    """The fault of a robot that still works, or empty. Open goals have an alarm of their own."""
     robot = store.view.robot
     if robot is None or robot.status != "degraded" or store.open_goals:
         return ""

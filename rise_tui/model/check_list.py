@@ -1,4 +1,4 @@
-"""The checks around a session as one list: questions, running checks, results, and what blocks the session. Pure."""
+"""The checks around a session as one list: questions, running checks, results, and obstacles to the session. Pure."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class CheckItem(Struct):
     """None: it runs, or has not begun."""
     is_running: bool = False
     by: str = "engine"
-    """Who answered or skipped it; otherwise the program itself."""
+    """The person who answered or skipped it; otherwise the program."""
     is_kept: bool = False
-    """It was made recently and is still valid."""
+    """Whether it was made recently and is still valid."""
 
     @property
     def status(self) -> CheckStatus:
@@ -76,7 +76,7 @@ class CheckList:
         item.outcome, item.is_running = outcome, False
 
     def answer(self, item: CheckItem, yes: bool, by: str) -> bool:
-        """Answer a check, or change an answer; False: there is nothing to answer."""
+        """Answer a check, or change an answer; False: there is no question."""
         outcome = item.outcome
         if outcome is None or (outcome.result != "asked" and not item.check.ask):
             return False
@@ -94,7 +94,7 @@ class CheckList:
         item.outcome, item.by = skipped_check(item.check, reason, item.outcome), by
 
     def first_open(self, start: int = 0) -> int | None:
-        """The first item from `start` on that somebody has to answer or examine."""
+        """The first item from `start` that needs a person's answer or look."""
         count = len(self.items)
         order = [(start + step) % count for step in range(count)]
         return next((at for at in order if self._is_open(self.items[at])), None)
@@ -107,7 +107,7 @@ class CheckList:
 
     @property
     def obstacle(self) -> str:
-        """Why the session cannot go on yet, in a sentence; empty if nothing blocks it."""
+        """Why the session cannot go on yet, in a sentence; empty: it can."""
         running = [item.check.id for item in self.items if item.outcome is None]
         asked = [item.check.id for item in self.items if item.status == "asked"]
         failed = [item.check.id for item in self.items if item.status == "failed" and self._is_in_the_way(item)]
@@ -152,7 +152,7 @@ def _below(text: str, role: TextRole, width: int) -> ListRow:
 
 
 def _found_text(item: CheckItem) -> str:
-    """What the check found, and why it failed or was skipped."""
+    """The finding of the check, and why it failed or was skipped."""
     outcome = item.outcome
     if outcome is None or outcome.result == "asked" or (item.check.ask and outcome.result != "skipped"):
         return ""

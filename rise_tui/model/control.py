@@ -1,7 +1,7 @@
-"""Who may do what now: why something is impossible, the modes of the keyboard, control among several consoles.
+"""The present rights: obstacles, the modes of the keyboard, control among several consoles.
 
-Pure. A reason has a code, because the model knows no keys of the console (console.md 6.3). It becomes a sentence when
-the caller passes in a function that names keys.
+Pure. A reason has a code, because the model has no keys of the console (console.md 6.3). A function that names keys
+turns it into a sentence.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:
 
 
 class ExpectedInputs(NamedTuple):
-    """What a wizard can usefully start now."""
+    """The inputs of a wizard that have an effect now."""
 
     acts: frozenset[str] = frozenset()
     rules: frozenset[str] = frozenset()
@@ -65,9 +65,9 @@ class ExpectedInputs(NamedTuple):
 def find_expected_inputs(
     keys: StudyKeys, states: Mapping[str, str | None], memory: Mapping[str, Any]
 ) -> ExpectedInputs:
-    """Find what the rules wait for. `states`: the state of each running rule. `memory`: the working memory.
+    """Find the inputs that the rules wait for. `states`: the state of each running rule. `memory`: the working memory.
 
-    A transition whose condition does not hold now waits for nothing: its event would be lost.
+    A transition whose condition does not hold now does not count: its event would be lost.
     """
     scenario = keys.scenario
     events = frozenset(
@@ -88,10 +88,10 @@ def find_expected_inputs(
 
 
 Deed: TypeAlias = Literal["reach", "remark", "change", "start"]
-"""What a console may request from the engine. Each deed needs everything that the one before it needs.
+"""The kinds of requests to the engine. Each deed needs everything that the one before it needs.
 
-reach: anything at all. remark: a note, a question about control. change: anything that changes the session. start:
-anything that makes the robot or a rule act.
+reach: any request. remark: a note, a question about control. change: everything that changes the session. start:
+everything that makes the robot or a rule act.
 """
 
 KeyNames: TypeAlias = Callable[[str], str]
@@ -99,7 +99,7 @@ KeyNames: TypeAlias = Callable[[str], str]
 
 
 MOST_NAMED = 5
-"""How many acts the question about control names."""
+"""Maximum number of acts in the question about control."""
 
 
 class BlockedReason(Struct, frozen=True):
@@ -109,15 +109,15 @@ class BlockedReason(Struct, frozen=True):
         "over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused", "silent"
     ]
     detail: str = ""
-    """How the session ended, why the engine has gone, or what is wrong with the disk."""
+    """How the session ended, why the engine has gone, or the disk's fault."""
     holder: str = ""
-    """For `control`: who has it."""
+    """For `control`: the holder."""
     watches: bool = False
     """For `control`: this console only observes, and cannot take it."""
 
 
 def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
-    """The reason as a sentence, with the key to press if one helps; empty if nothing is blocked."""
+    """The reason as a sentence, with the key to press if one helps; empty: nothing is blocked."""
     if reason is None:
         return ""
     match reason.code:
@@ -147,7 +147,7 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
 
 
 InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
-"""LIVE: keys start acts and rules. SAFE: everything can be viewed, but nothing starts. LOCKED: keys do nothing."""
+"""LIVE: keys start acts and rules. SAFE: everything can be viewed, but nothing starts. LOCKED: keys have no effect."""
 
 STARTING_FUNCTIONS = frozenset(
     (
@@ -155,10 +155,10 @@ STARTING_FUNCTIONS = frozenset(
         *("say", "nextFiller", "repeatAct", "stepBack"),
     )
 )
-"""Functions of keys that make something happen. Stopping, and marks for the record, are not among them."""
+"""Functions of keys that start something. Stopping, and marks for the record, are not among them."""
 
 CUE_EVENTS = dict(zip(("markCue", "undoCue"), CUE_TOPICS, strict=True))
-"""The event of a cue. If a rule waits for it, marking a cue makes something happen, too."""
+"""The event of a cue. If a rule waits for it, marking a cue starts something, too."""
 
 LOCKED_ACTIONS = ("stop", "quit", "lock")
 """Actions of the registry that work while the keyboard is LOCKED."""
@@ -170,7 +170,7 @@ def toggle_safe(mode: InputMode) -> InputMode:
 
 
 def toggle_lock(mode: InputMode) -> InputMode:
-    """The mode after the lock key. Unlocking never leads directly to LIVE: that takes the other key, on purpose."""
+    """The mode after the lock key. Unlocking never leads directly to LIVE, which takes the other key."""
     return "SAFE" if mode == "LOCKED" else "LOCKED"
 
 
@@ -189,7 +189,7 @@ class ControlLost(Struct, frozen=True):
     """This console lost control without giving it up."""
 
     holder: str | None
-    """Who has it now; None: nobody."""
+    """The new holder; None: nobody."""
     at: float | None
     """Session time; None: it happened while the connection was cut."""
 
@@ -204,7 +204,7 @@ def control_notice(
             return Notice(f"{short_name(before)} knows that you ask for control"), None
         # The holder's own screen shows a permanent line about it.
         return (None if before == own_name else Notice(f"{by} asks {short_name(before)} for control")), None
-    if record.holder == before:  # somebody has withdrawn the question
+    if record.holder == before:  # the question was withdrawn
         return Notice("you no longer ask for control" if is_own else f"{by} no longer asks for control"), None
     if record.holder == own_name:
         if is_own:  # the first console gets it without a notice
@@ -238,7 +238,7 @@ def control_question(
 ) -> tuple[list[str], dict[ControlVerb, str]]:
     """The dialog about control: its lines, and its choices with their titles.
 
-    `begins`: the acts that then go on or begin, in a recovered session that waits for a wizard.
+    `begins`: the acts that then continue or begin, in a recovered session that waits for a wizard.
     """
     is_own = holder == own_name
     release: dict[ControlVerb, str] = {"release": "Release it"}

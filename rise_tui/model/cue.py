@@ -1,8 +1,8 @@
 """The participant's cue: the time since it, the robot's answering voice, and when a filler is due. Pure.
 
 An act may begin with a look or a pause, and be heard seconds later. Its `timing` record has the time of the voice
-(`voice_at`), but only at its end. Until then the records of its actions tell it, with the robot's profile, which knows
-which actions use the voice.
+(`voice_at`), but only at its end. Until then the time comes from the records of its actions, and from the robot's
+profile, which names the actions that use the voice.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rise_tui.rendering.text import StyledLine, format_seconds
 
 
 class CueClock(NamedTuple):
-    """The time since the participant's cue, and what ended it."""
+    """The time since the participant's cue, and the answer."""
 
     marked: float
     answered: float | None = None
-    """When the answer came: the robot's voice, or the start of an act that says nothing. None: not yet."""
+    """The time of the answer: the robot's voice, or the start of an act without speech; None: not yet."""
     said: bool = True
-    """Whether that act has spoken; if not, `answered` is when it ended."""
+    """Whether that act has spoken. If not, `answered` is when it ended."""
     filled: float | None = None
     """When the latest filler started."""
 
@@ -55,7 +55,7 @@ def voice_at(scenario: Scenario, task: TaskView) -> float | None:
 
 
 def speaks(scenario: Scenario, task: TaskView) -> bool:
-    """Whether a task can be heard: its act has an action for which this robot uses its voice."""
+    """Whether a task is audible: its act has an action that uses this robot's voice."""
     if task.function == "say":
         return True
     act = scenario.acts.get(task.behavior)
@@ -70,9 +70,9 @@ def _takes_voice(scenario: Scenario, action: str) -> bool:
 
 
 LATE_SECONDS, VERY_LATE_SECONDS = 1.0, 2.0
-"""Seconds after which a robot that has not answered seems slow, and seems broken."""
+"""Seconds after which a robot without an answer seems slow, and seems broken."""
 TENTHS_SECONDS = 10.0
-"""Seconds for which a cue is counted in tenths; then it is counted in seconds, with the clock."""
+"""Seconds for which a cue is counted in tenths. Then it is counted in seconds, with the clock."""
 GIVEN_UP_SECONDS = 60.0
 """Seconds after which an unanswered cue is no longer counted."""
 ANSWERED_SECONDS = 5.0
@@ -80,7 +80,7 @@ ANSWERED_SECONDS = 5.0
 
 
 def seconds_since_cue(cue: CueClock | None, now: float) -> float | None:
-    """Seconds since the cue while it is counted; None if there is none, or it is answered or given up."""
+    """Seconds since the cue while it is counted; None: no cue, or it is answered or given up."""
     if cue is None or cue.answered is not None:
         return None
     since = max(0.0, now - cue.marked)
@@ -88,7 +88,7 @@ def seconds_since_cue(cue: CueClock | None, now: float) -> float | None:
 
 
 def counts_tenths(cue: CueClock | None, now: float) -> bool:
-    """Whether the time changes by the tenth."""
+    """Whether the time changes by tenths."""
     since = seconds_since_cue(cue, now)
     return since is not None and since < TENTHS_SECONDS
 
@@ -119,7 +119,7 @@ def cue_line(cue: CueClock | None, now: float, *, short: bool = False) -> Styled
 
 
 def filler_due(cue: CueClock | None, now: float, offer_after: float) -> float | None:
-    """Seconds since the cue if a filler, the first or a further one, is due; else None."""
+    """Seconds since the cue if a filler, the first or a further one, is due; otherwise None."""
     since = seconds_since_cue(cue, now)
     if since is None or cue is None or offer_after <= 0:
         return None

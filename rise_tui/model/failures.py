@@ -1,4 +1,4 @@
-"""What went wrong: failed acts, texts that were not said, and mistakes that a wizard marks. Pure; knows no screen."""
+"""Faults: failed acts, texts that were not spoken, and mistakes that a wizard marks. Pure, without a screen."""
 
 from __future__ import annotations
 
@@ -20,24 +20,25 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
 
 LABEL = 15
-"""Cells before a text that was not said."""
+"""Cells before an unspoken text."""
 REASON_LINES = 2
 WIDE = 60
-"""Cells from which there is room to say where the rest is."""
+"""Minimum cells for naming the place of the rest."""
 
 
 class UnsaidText(NamedTuple):
-    """A text that the robot should have said and did not finish, as far as it reported."""
+    """A text that the robot did not finish, as far as it reported."""
 
     text: str
     begun: bool
-    """It was sent to the robot, which may have said part of it."""
+    """Whether it was sent to the robot, which may have spoken part of it."""
     ways: int = 1
-    """The number of possible wordings, one of which would have been picked; this is the first."""
+    """The number of possible wordings, one of which would have been picked. This is the first."""
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:
-    """Failed acts, neither repeated nor answered, the oldest first; before them, those that the study waits for."""
+    """Failed acts that were neither repeated nor answered, the oldest first. Before them are those that the study waits
+    for."""
     view = store.view
     return [view.tasks[id] for id in (*view.questions, *view.failed) if id in view.tasks]
 
@@ -48,19 +49,19 @@ def is_question(store: Store, task: TaskView) -> bool:
 
 
 def rule_of_question(store: Store, task: TaskView) -> str:
-    """The running rule that started an act, which the wizard may stop as an answer; empty if there is none."""
+    """The running rule that started an act, which the wizard may stop as an answer; empty: none."""
     name = task.source.removeprefix("rule:")
     return name if task.source.startswith("rule:") and store.rule(name).running else ""
 
 
 def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
-    """What a failed act should have said and did not, in its planned order."""
+    """The unspoken texts of a failed act, in its planned order."""
     actions = _actions_in_order(scenario, task)
     return [unsaid for action in actions if (unsaid := _find_unsaid(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
-    """Whether the act has anything to say."""
+    """Whether the act has speech."""
     calls = (call for action in _actions_in_order(scenario, task) for call in action.calls)
     return any(message_of(scenario, call) is not None for call in calls)
 
@@ -84,7 +85,7 @@ def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Map
 
 
 def _was_sent(begun: ActionView) -> bool:
-    """Whether the action reached the robot. One that fails as it begins did not: the robot or a value was missing."""
+    """Whether the action reached the robot. One that failed at its start did not: the robot or a value was missing."""
     return begun.status != "skipped" and begun.ended != begun.since
 
 
@@ -137,13 +138,13 @@ def _wait_text(store: Store, task: TaskView) -> str:
 
 
 def _mark_cut(line: StyledLine, width: int) -> StyledLine:
-    """A line before others that do not fit: it shows this, and where they are."""
+    """A line before hidden ones, with the place of the rest."""
     tail: StyledSpan = ("…  in full: act pane" if width >= WIDE else "…", "muted")
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
 def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
-    """The texts that were not said, word for word, each on as many lines as it needs."""
+    """The unspoken texts, word for word, each on the lines that it needs."""
     scenario = store.scenario
     unsaid = unsaid_texts(scenario, task, store.memory)
     if not unsaid:
@@ -157,7 +158,7 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
 
 
 def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
-    """What can be done about the failure or, without control, who can do it."""
+    """The remedies for the failure or, without control, the person who has them."""
     if store.attach_reply.replay:
         return (("   this is a replay: it shows what happened then", "plain"),)
     if store.cut_since is not None:
@@ -183,7 +184,7 @@ def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> 
 
 
 def _restart_text(store: Store, task: TaskView) -> str:
-    """Whether the act was started again and has not ended, as a sentence; empty if not."""
+    """A sentence if the act was started again and has not ended; otherwise empty."""
     restarted = (task.function, task.behavior)
     if any((each.function, each.behavior) == restarted for each in store.running_tasks):
         return "it runs again"
@@ -213,10 +214,10 @@ MISTAKE_MARKS = (
 
 
 def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | None:
-    """What this wizard did last, whatever it was. If the wizard has done nothing yet, the act that a rule started last.
+    """This wizard's last deed of any kind, or else the act that a rule started last.
 
-    Other people's and programs' tasks, rejected tasks and the marks themselves do not count. `me` None: any wizard, for
-    the judge of a session that is over. Then cues do not count either, because their results are judged.
+    Tasks of other people and programs, rejected tasks and marks do not count. `me` None: any wizard, for the judge of a
+    session that is over. Then cues do not count either, because their results are judged.
     """
     by_rule: TaskView | None = None
     for id in reversed(tasks):

@@ -1,11 +1,11 @@
-"""The filter that is typed after `/`: which rows it shows, and where it matches in them. Pure.
+"""The filter typed after `/`: the rows that it shows, and its matches in them. Pure.
 
-- Words, in any order: each must be somewhere in the row, as typed or with letters left out (`rin2` finds
+- Words, in any order: the row must contain each of them, as typed or with letters omitted (`rin2` finds
   `R_Instruction_2`). A word with a capital is case-sensitive. `!word`: rows with this word are hidden.
 - `/...` or `re:...`: one regular expression; `!/...`: rows that it matches are hidden.
 
-A regular expression may never end on one row, and until then the console would answer no key, not even stop. `regex`
-therefore runs it with a time limit, on at most MOST_CHARACTERS of a row. It must also be valid for Python's `re`, whose
+A regular expression may never end on one row, and until then the console would not react to a key, not even stop. So
+`regex` runs it with a time limit, on at most MOST_CHARACTERS of a row. It must also be valid for Python's `re`, whose
 errors are shown.
 """
 
@@ -28,10 +28,10 @@ PATIENCE = 0.004
 """Seconds that a regular expression may take for one row."""
 TOO_LONG = "this regular expression takes too long; use fewer * and +"
 LEAST_LETTERS, MOST_LETTERS = 3, 40
-"""The length of a word that may have letters left out. Nearly every row contains two given letters in order."""
+"""The length of a word that may omit letters. Nearly every row contains two given letters in order."""
 
 _PART = r"(?:(?<![^\W_])|(?-i:(?<=[a-z])(?=[A-Z])))"
-"""Where a part of a name begins: `Instruction` in `R_Instruction` and in `RunInstruction`."""
+"""The start of a part of a name: `Instruction` in `R_Instruction` and in `RunInstruction`."""
 _REASONS = (
     ("unterminated character set", "the [ is not closed"),
     ("unterminated subpattern", "the ( is not closed"),
@@ -46,7 +46,7 @@ _REASONS = (
 
 
 class InvalidFilter(RiseError, ValueError):
-    """A text that is not a filter, or not yet; the message says where and why, for a person."""
+    """A text is not a filter, or not yet. The message names the place and the reason, for a person."""
 
 
 class Filter:
@@ -70,7 +70,7 @@ class Filter:
         self._terms += [(_Word(word, loose=wanted), wanted) for word, wanted in words if word]
 
     def __bool__(self) -> bool:
-        """False while nothing is typed that could hide a row."""
+        """False while no typed term could hide a row."""
         return bool(self._terms)
 
     def matches(self, text: str) -> bool:
@@ -90,7 +90,7 @@ class Filter:
 
 
 class _Word:
-    """A word, as typed or with letters left out."""
+    """A word, as typed or with letters omitted."""
 
     def __init__(self, word: str, *, loose: bool) -> None:
         flags = re.NOFLAG if any(letter.isupper() for letter in word) else re.IGNORECASE
@@ -112,9 +112,10 @@ class _Word:
 
 
 def _letter_patterns(word: str) -> Iterator[str]:
-    """Patterns that find letters in order within one name. They are quick, because each gap matches in one way only.
+    """Return patterns that find letters in order within one name. They are quick, because each gap matches in only one
+    way.
 
-    Digits stand together: `topic2` does not find `topic12`.
+    Digits are not separated: `topic2` does not find `topic12`.
     """
     for at, letter in enumerate(word):
         if at:
@@ -144,7 +145,7 @@ class _Expression:
 
 
 def _compile_expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
-    """A regular expression that begins at `at` of the typed text. None while it is empty."""
+    """A regular expression from `at` of the typed text; None: it is empty."""
     if slash and len(pattern) > 1 and pattern.endswith("/") and not pattern.endswith("\\/"):
         pattern = pattern[:-1]
     if not pattern:
@@ -170,7 +171,7 @@ def mark_line(line: StyledLine, wanted: Filter | None) -> StyledLine:
 
 
 def filter_rows(rows: Iterable[ListRow], wanted: Filter) -> list[ListRow]:
-    """The rows that the filter shows, with matches marked. Headings and similar rows are left out. Raises the same."""
+    """The rows that the filter shows, with matches marked, without headings and similar rows. Raises the same."""
     return [
         row._replace(line=mark_line(row.line, wanted))
         for row in rows
@@ -186,8 +187,7 @@ ROWS_OF_STEP = 32
 class RowSearch:
     """The ids that match. The search takes new ids first, then goes backwards from the newest.
 
-    `ids` is the caller's list, ascending. It only grows at its end. `text_of` returns None for an id that is no longer
-    known.
+    `ids` is the caller's ascending list, which only grows at its end. `text_of` returns None for a forgotten id.
     """
 
     def __init__(
@@ -204,7 +204,7 @@ class RowSearch:
         """The rows between these have been checked."""
         self._matching: list[int] = []
         self._earlier: list[list[int]] = []
-        """Matches from before all of these, the latest rows first."""
+        """Earlier matches, the latest rows first."""
         self._live: list[int] = []
 
     @property
@@ -221,7 +221,7 @@ class RowSearch:
         return self._from == 0 and self._to == len(self.ids)
 
     def step(self) -> int:
-        """Check a few more rows; returns how many, 0 at the end. Raises InvalidFilter."""
+        """Check a few more rows. Returns their number, 0 at the end. Raises InvalidFilter."""
         if self._to < len(self.ids):
             start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
             self._matching += self._find_matching(start, end)
@@ -235,7 +235,7 @@ class RowSearch:
         return end - start
 
     def recheck_live(self) -> None:
-        """Check rows again that had not ended: they may match now, or no longer match. Raises InvalidFilter."""
+        """Check unfinished rows again: they may match now, or no longer match. Raises InvalidFilter."""
         for row in self._live:
             matching = self.matching
             index = bisect_left(matching, row)
@@ -250,7 +250,7 @@ class RowSearch:
         self._live = [row for row in self._live if self._is_live(row)]
 
     def expect_change(self, id: int) -> None:
-        """Note that this row has changed, although its task had ended."""
+        """Note that this row has changed after the end of its task."""
         index = bisect_left(self.ids, id)
         if self._from <= index < self._to and id not in self._live:
             self._live.append(id)

@@ -1,7 +1,7 @@
 """The strip of the study's own keys: awaited keys first, then events, assignments and rules, then acts. Pure.
 
-Keys do not jump around. Those that a rule may ever wait for share the front, and only among them do the awaited ones
-move. Each of the others always has the same place.
+Keys do not jump around. Keys that some rule may wait for share the front, and only the awaited ones move there. Every
+other key has a fixed place.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST = 2
 
 
 class KeyStripPiece(NamedTuple):
-    """A key in the strip, and its place: line, first cell, cell after the last. Without a key: how many are hidden."""
+    """A key in the strip: line, first cell, cell after the last. Without a key: the number of hidden ones."""
 
     key: KeyBinding | None
     line: int
@@ -37,7 +37,7 @@ class KeyStripLines(NamedTuple):
 
 
 def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
-    """The lines that all keys except those of acts need, at most two; in a tall terminal two if acts have keys."""
+    """The lines for all keys except those of acts, at most two; in a tall terminal two if acts have keys."""
     if not scenario.keys:
         return 0
     every = [*keys.answer_keys, *keys.other_keys]

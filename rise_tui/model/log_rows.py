@@ -1,4 +1,4 @@
-"""The rows of the log: tasks, remarks among them, and which of them are the rules' own housekeeping. Pure.
+"""The rows of the log: tasks, remarks among them, and the rules' own tasks. Pure.
 
 A row is a number that grows with time. A task's row is its id times ROWS_PER_TASK. Remarks before the next task (notes,
 changes of the robot's link, faults of rules) have the numbers after it.
@@ -37,13 +37,13 @@ def task_of(row: int) -> int | None:
 
 
 def is_by_wizard(source: str, t: float, starter: TaskView | None, tasks: Mapping[int, TaskView]) -> bool:
-    """Whether a wizard caused an event: directly, or through a rule at the moment when the wizard started it.
+    """Whether a wizard caused an event: directly, or through a rule when the wizard started it.
 
     Arguments:
-        source: who raised it.
-        t: session time at which it came to the rules.
+        source: the source of the event.
+        t: session time at which it reached the rules.
         starter: the task that had started that rule last.
-        tasks: those that may have led to it.
+        tasks: those that may have caused it.
     """
     if actor_of(source) == "rule" and starter is not None and starter.started == t:
         source = first_cause(starter, tasks).source
@@ -57,14 +57,14 @@ def is_rules_own(task: TaskView | TaskRecord) -> bool:
 
 
 class LogRows:
-    """All rows of one session, and those that people and the robot caused."""
+    """All rows of one session, and those caused by people and the robot."""
 
     def __init__(self) -> None:
         self.all: list[int] = []
         self.main: list[int] = []
         """The rows without the rules' own. The list grows at its end in place; any other change makes a new list."""
         self.rebuild_count = 0
-        """A changed number means new lists: the console attached again, or the view has forgotten some rows."""
+        """Changed with new lists: the console attached again, or the view has forgotten some rows."""
         self._remarks: dict[int, TaskView] = {}
 
     @property
@@ -98,7 +98,7 @@ class LogRows:
             self.main.append(row_of(record.id))
 
     def show_own_row(self, task: int) -> None:
-        """Show a rule's own row after all: it failed, or nobody waited for its event."""
+        """Show a rule's own row after all: it failed, or no rule waited for its event."""
         row = row_of(task)
         index = bisect_left(self.main, row)
         if index == len(self.main):
@@ -113,7 +113,7 @@ class LogRows:
         while row in self._remarks:
             row += 1
         if row % ROWS_PER_TASK == 0:
-            return  # more than anybody writes between two tasks
+            return  # the maximum number of remarks between two tasks
         self._remarks[row] = _as_task(remark)
         for rows in (self.all, self.main):
             if not in_order or not rows or rows[-1] < row:
@@ -122,7 +122,7 @@ class LogRows:
                 insort(rows, row)
 
     def task_at(self, row: int, view: SessionView) -> TaskView | None:
-        """What a row shows, in the form of a task; None for what is in the journal only."""
+        """The content of a row, in the form of a task; None: it is only in the journal."""
         task = task_of(row)
         return view.tasks.get(task) if task is not None else self._remarks.get(row)
 

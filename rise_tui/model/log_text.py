@@ -1,4 +1,4 @@
-"""The text of a row of the log in the available room, and a task in full. Pure; knows no widget."""
+"""The text of a row of the log in the available room, and a task in full. Pure, without widgets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TIME, FUNCTION, STATE = 7, 8, 11
 BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop", "recording": "rec"}
 """Functions in one word, for narrow rows."""
 REASON = 10
-"""A reason is left out if it would have less room than this."""
+"""Minimum cells for a reason, which is omitted otherwise."""
 WIDE = 96
 """From this width on, times have tenths, and calling types have a column."""
 
@@ -114,7 +114,7 @@ def _narrow_head(task: TaskView) -> StyledLine:
 
 
 def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
-    """A narrow row. If something went wrong, the reason follows, as far as it fits."""
+    """A narrow row. After a failure the reason follows, as far as it fits."""
     room = width - TIME - FUNCTION
     if _is_bad(task, state):
         return crop((*head, *_failure_spans(task, state, room)), width)
@@ -123,7 +123,7 @@ def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int
 
 
 def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
-    """What went wrong and why, in a row without a column for reasons."""
+    """The failure and its reason, in a row without a column for reasons."""
     word, name = f"{state.glyph} {state.word}", _task_name(task) or short_name(task.source)
     return (
         (f"{shorten(name, max(6, room - len(word) - 1))} ", "plain"),
@@ -145,7 +145,7 @@ def _function_role(task: TaskView) -> TextRole:
 
 
 def _task_name(task: TaskView) -> str:
-    """The description. For the robot it is its link, whose state says the rest."""
+    """The description. For the robot it is its link, whose state contains the rest."""
     return "link" if task.function == ROBOT else describe_behavior(task.function, task.behavior)
 
 
@@ -171,7 +171,7 @@ MARKS = {"wrong": "the wrong act", "late": "too late", "early": "too early", "do
 
 
 def task_rows(task: TaskView | None, now: float, width: int) -> list[ListRow]:
-    """All that is known of a task at session time `now`, in rows of at most `width` cells; none if it is gone."""
+    """Everything known of a task at session time `now`, in rows of at most `width` cells; none if it is gone."""
     if task is None:
         return []
     state = task_state(task)
@@ -213,7 +213,7 @@ def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list
 
 
 def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> list[StyledLine]:
-    """A name and its value, on as many lines as the value needs."""
+    """A name and its value, on the lines that the value needs."""
     lines = wrap(value, max(10, width - LABEL - 2))
     return [
         (fixed_span(f" {name if at == 0 else ''}", LABEL, "muted"), (f" {line}", role)) for at, line in enumerate(lines)
@@ -221,7 +221,7 @@ def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> 
 
 
 def _time_lines(task: TaskView, now: float, width: int) -> list[StyledLine]:
-    """What happened when, each with the time since the previous event."""
+    """The times of the events, each with the time since the previous one."""
     happened = [
         ("cue", task.cue_at, "the participant's turn ended"),
         ("key", task.key_at, "pressed on a console"),
@@ -282,9 +282,9 @@ EXAMPLES = "14:32, 1:14:32, 90s, -30s, -2m, now"
 
 
 def parse_moment(text: str, now: float) -> float | None:
-    """Session time in seconds; None for `now`, which moves on. Raises InvalidFilter.
+    """Return session time in seconds; None: `now`, which moves on. Raises InvalidFilter.
 
-    `14:32` is 14 minutes 32 seconds on the session's clock. With `-` in front it means that long ago.
+    `14:32` is 14 minutes 32 seconds on the session's clock; with `-` in front, that long ago.
     """
     bare = text.strip().casefold().replace(" ", "")
     if bare in ("now", "end"):

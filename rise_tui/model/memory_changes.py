@@ -28,7 +28,7 @@ def path_text(path: JsonPath) -> str:
 
 
 def children(value: Any) -> Iterator[tuple[str | int, Any]]:
-    """The parts of an object or an array; none for any other value."""
+    """The parts of an object or an array; none for other values."""
     if isinstance(value, dict):
         yield from value.items()
     elif isinstance(value, (list, tuple)):
@@ -65,11 +65,11 @@ def with_removed(value: Any, path: JsonPath) -> Any:
 
 
 MOST = 200
-"""Changes that are remembered."""
+"""Maximum number of remembered changes."""
 
 
 class UndoStep(Struct, frozen=True):
-    """What one press of undo would do."""
+    """The effect of one press of undo."""
 
     kind: Literal["do", "ask", "nothing"]
     said: str
@@ -84,13 +84,13 @@ class UndoStack:
         self._changes: list[MemoryRecord] = []
         self._undoing: MemoryRecord | None = None
         self._warned: tuple[MemoryRecord, Any] | None = None
-        """A change that somebody else has overwritten since, and the new value: the undo was already asked about."""
+        """A change that another client has overwritten since, and the new value: the undo was already asked about."""
 
     def __len__(self) -> int:
         return len(self._changes)
 
     def record_change(self, record: MemoryRecord) -> None:
-        """Note that a requested change has been made: a new one, or one that undoes the last one."""
+        """Note that a requested change was made: a new one, or one that undoes the last one."""
         undoing = self._undoing
         if undoing is not None and record.key == undoing.key and _restores(record, undoing):
             self._undoing = None
@@ -100,12 +100,12 @@ class UndoStack:
         del self._changes[:-MOST]
 
     def clear(self) -> None:
-        """Forget all changes. What happened in the meantime is unknown, so nothing can be undone."""
+        """Forget all changes. Changes made meanwhile are unknown, so nothing can be undone."""
         self._changes.clear()
         self._undoing = self._warned = None
 
     def next_step(self, memory: Mapping[str, MemoryView]) -> UndoStep:
-        """The next undo step. A value that somebody else has changed since is not overwritten without asking."""
+        """The next undo step. A value that another client has changed since is not overwritten without asking."""
         if not self._changes:
             return UndoStep("nothing", "nothing to undo")
         change = self._changes[-1]

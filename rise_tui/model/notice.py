@@ -1,4 +1,4 @@
-"""Sentences for the wizard about tasks and their results. Pure; knows no screen."""
+"""Sentences for the wizard about tasks and their results. Pure, without a screen."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def act_label(function: str, behavior: str) -> str:
 
 
 def completion_message(function: str, behavior: str) -> str:
-    """What a task without a row of its own has done, in words; empty for others."""
+    """The effect of a task without a row of its own, in words; empty for others."""
     match function:
         case "raiseEventTopic":
             return f"raised {normal_topic(behavior)}"
@@ -76,7 +76,7 @@ def completion_message(function: str, behavior: str) -> str:
 
 
 def record_notice(record: AnyRecord) -> Notice | None:
-    """The notice about a record, whoever caused it; None for most."""
+    """The notice about a record, whatever its source; None for most."""
     words = words_of(record)
     match record:
         case TaskRecord(status="REJECTED"):

@@ -1,4 +1,4 @@
-"""What happens when a rule enters a state: at a start, after a stop, or one step back. Pure.
+"""The effects of entering a state: at a start, after a stop, or one step back. Pure.
 
 Lines for questions; the answers become the behaviour of a task.
 """
@@ -23,7 +23,7 @@ ENDS = "ends the rule"
 
 
 def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], width: int, most: int = 6) -> list[str]:
-    """What `onEntry` would do, one line of at most `width` cells for each function; beyond `most`, a count."""
+    """The effects of `onEntry`, one line of at most `width` cells for each function; beyond `most`, a count."""
     lines = [
         ("perhaps " if not sure else "") + _function_text(scenario, function, memory)
         for function, sure in functions_in(state.on_entry)
@@ -35,7 +35,7 @@ def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], wid
 
 
 def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[str, Any]) -> str:
-    """The first thing that the robot would say or do, and the number of others."""
+    """The first speech or action of the robot, and the number of others."""
     lines = entry_lines(scenario, rule.states[state], memory, 10_000, 10_000)
     spoken = next((line for line in lines if "“" in line), lines[0])
     return spoken if len(lines) == 1 else f"{spoken}, and {len(lines) - 1} more"
@@ -55,7 +55,7 @@ def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, 
 
 
 def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
-    """Everything that an act says, with the memory's present values; the first of its variants."""
+    """All texts of an act, with the memory's present values, from the first of its variants."""
     act = scenario.acts.get(name)
     messages = [message_of(scenario, action.calls[0]) for action in act.actions] if act is not None else []
     return " ".join(f"“{fill_known(message, memory)}”" for message in messages if message is not None)
@@ -75,7 +75,7 @@ class InterruptedRule(NamedTuple):
     name: str
     state: str
     entry: str
-    """What the robot would do immediately if the rule entered its state again."""
+    """The robot's immediate actions if the rule enters its state again."""
     waits: str
     """What the rule would wait for."""
 
@@ -105,7 +105,7 @@ def resumption_lines(
 ) -> list[str]:
     """For each rule, its last state and its chosen resumption, and below that the robot's immediate actions.
 
-    If there are more rules than rows, those around the selected one.
+    With more rules than rows, those around the selected one.
     """
     most = max(1, rows // 2)
     first = max(0, min(selected - most // 2, len(rules) - most))  # the selected rule in the middle
@@ -140,7 +140,7 @@ class BackStep(NamedTuple):
 
 
 def find_back_step(store: Store, name: str) -> BackStep | None:
-    """The step back of a rule; None if it does not run, or no previous state is known."""
+    """The step back of a rule; None: it does not run, or no previous state is known."""
     view, rule = store.rule(name), store.scenario.rules.get(name)
     if not view.running or len(view.steps) < 2 or rule is None or view.steps[-2][0] not in rule.states:
         return None
@@ -155,7 +155,7 @@ def find_back_step(store: Store, name: str) -> BackStep | None:
 
 
 def question_lines(store: Store, step: BackStep, width: int) -> list[str]:
-    """What the robot and the rule would do immediately."""
+    """The immediate effects on the robot and the rule."""
     state = store.scenario.rules[step.rule].states[step.state]
     now = store.rule(step.rule).state
     return [

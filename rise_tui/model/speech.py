@@ -1,7 +1,7 @@
-"""What the robot says, word for word, what is left of it, and what it failed to say. Pure.
+"""The robot's speech, word for word: the present text, its remainder, and unspoken texts. Pure.
 
-It uses only the engine's records. A sentence that was sent is not yet said. If the robot did not confirm its end, the
-sentence may or may not have been said.
+It uses only the engine's records. A sent sentence is not yet spoken. If the robot did not confirm its end, the sentence
+may or may not have been spoken.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from rise_tui.model.notice import act_label
 
 
 def message_name(scenario: Scenario, action: str) -> str:
-    """The parameter of a robot's action that contains the text: `message`, or else the first text; empty for an action
-    that says nothing."""
+    """The parameter of a robot's action with the text: `message`, else the first text; empty: none."""
     spec = scenario.robot.actions.get(action)
     if spec is None or SPEECH_CHANNEL not in spec.channels:
         return ""
@@ -31,29 +30,29 @@ def message_name(scenario: Scenario, action: str) -> str:
 
 
 def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
-    """The text of a call, as written; None if it says nothing."""
+    """The text of a call, as written; None: no speech."""
     return call.parameters.get(message_name(scenario, call.type))
 
 
 def words_of(scenario: Scenario, action: ActionView) -> str | None:
-    """The text that an action says: as sent, or as written if the action was left out. None if it says nothing."""
+    """The text of an action: as sent, or as written if the action was skipped; None: no speech."""
     name = message_name(scenario, action.type)
     return plain_words(spoken_text(action.parameters[name]).strip()) if name and name in action.parameters else None
 
 
 def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | None:
-    """Estimated seconds with the sent parameters; None for an action that the robot does not know."""
+    """Estimated seconds with the sent parameters; None: the robot does not have the action."""
     spec = scenario.robot.actions.get(action.type)
     return expected_seconds(spec, action.parameters) if spec is not None else None
 
 
 LOOK_BACK = 2_000
-"""Tasks that are searched for the latest sentence when a console attaches."""
+"""Number of tasks that are searched for the latest sentence when a console attaches."""
 UNKNOWN = frozenset({"timed-out", "lost"})
-"""Endings after which nobody knows what the robot did."""
+"""Endings after which the robot's deeds are unknown."""
 
 Kind = Literal["nothing", "sent", "says", "said", "unsaid", "unknown"]
-"""`unsaid`: not said, or not to its end. `unknown`: the robot has not confirmed how it ended."""
+"""`unsaid`: not spoken, or not to its end. `unknown`: the robot has not confirmed how it ended."""
 
 
 class CurrentSentence(NamedTuple):
@@ -62,30 +61,30 @@ class CurrentSentence(NamedTuple):
     kind: Kind
     text: str = ""
     seconds: float | None = None
-    """`says`: seconds left, negative when it takes longer than expected, None when unknown. `said`: seconds since its
-    end. `unsaid`: seconds until it was interrupted."""
+    """`says`: seconds left, negative if it is overdue, None: unknown. `said`: seconds since its end. `unsaid`: seconds
+    until it was interrupted."""
     share: float = 0.0
     """`says`: the share that is probably over, 0 to 1."""
     replaced_by: str = ""
     """The robot's substitute for speaking, if it cannot speak."""
     others: int = 0
-    """`unsaid`: other sentences of the same act that were not said. `says`: others at the same time."""
+    """`unsaid`: other unspoken sentences of the same act. `says`: others at the same time."""
 
 
 class SentenceTracker:
-    """Follows the robot's sentences. A sentence is an action of a task that says something."""
+    """Follows the robot's sentences. A sentence is an action of a task with speech."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._ended_last: tuple[int, str] | None = None
-        """Task and action of the sentence that ended last, in whatever way."""
+        """Task and action of the sentence that ended last, in any way."""
         self._durations: dict[str, tuple[float, int]] = {}
-        """By sentence: this robot's mean seconds for it, and how often it was said."""
+        """By sentence: this robot's mean seconds for it, and how many times it was spoken."""
         self._expected = self._measured = 0.0
         """Total seconds of all finished sentences: as estimated, and as measured."""
 
     def rebuild(self, view: SessionView) -> None:
-        """Start again from what a session has said so far."""
+        """Restart from a session's speech so far."""
         self._ended_last = None
         self._durations.clear()
         self._expected = self._measured = 0.0
@@ -100,7 +99,7 @@ class SentenceTracker:
                     latest, self._ended_last = action.ended, (task.id, action.action)
 
     def record_action(self, record: ActionRecord, view: SessionView) -> None:
-        """Take in a record of an action, after the view has."""
+        """Process a record of an action, after the view has."""
         task = view.tasks.get(record.task)
         action = task.actions.get(record.action) if task is not None else None
         if record.status not in ENDINGS or action is None or words_of(self._scenario, action) is None:
@@ -134,7 +133,7 @@ class SentenceTracker:
         return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
     def usual_seconds(self, action: ActionView) -> float | None:
-        """Seconds that a sentence takes: as before, or the estimate at this robot's pace; None when unknown."""
+        """Seconds that a sentence takes: as before, or the estimate at this robot's pace; None: unknown."""
         if (known := self._durations.get(self._words_of(action))) is not None:
             return known[0]
         estimate = estimate_action_seconds(self._scenario, action)
@@ -142,7 +141,7 @@ class SentenceTracker:
         return estimate * pace if estimate is not None else None
 
     def _sentences_of(self, task: TaskView) -> Iterator[ActionView]:
-        """The sentences of a task that have begun, ended, or been left out, in that order."""
+        """The sentences of a task that have begun, ended, or been skipped, in that order."""
         return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
 
     def _words_of(self, action: ActionView) -> str:
@@ -166,7 +165,7 @@ def _said_since(action: ActionView) -> float:
 
 
 def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
-    """The sentences that the running acts have not begun yet, with present values, in the order of the file."""
+    """The sentences that the running acts have not begun, with present values, in the order of the file."""
     tasks = [view.tasks[id] for id in view.running]
     return [
         text
@@ -178,7 +177,7 @@ def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[s
 
 
 def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
-    """One sentence with all its variants; empty for an action that says nothing."""
+    """One sentence with all its variants; empty: an action without speech."""
     said = (message_of(scenario, call) for call in action.calls)
     return " / ".join(_fill_or_quote(words, memory) for words in said if words is not None)
 
@@ -199,11 +198,11 @@ def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
 
 
 KEPT = 200
-"""Sentences that the history keeps."""
+"""Maximum number of sentences in the history."""
 
 
 def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
-    """Everything that the scenario's acts say, as written but without markup, in file order, each text once."""
+    """All texts of the scenario's acts, as written but without markup, in file order, each once."""
     sentences = {
         plain_words(call.parameters["message"].text.strip()): None
         for act in scenario.acts.values()
@@ -215,7 +214,7 @@ def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
 
 
 class SpeechHistory:
-    """The said sentences, newest last, and the wizard's position among them."""
+    """The spoken sentences, newest last, and the wizard's position among them."""
 
     def __init__(self, said: Iterable[str] = ()) -> None:
         self.said: list[str] = []
@@ -225,21 +224,21 @@ class SpeechHistory:
             self.add(text)
 
     def add(self, text: str) -> None:
-        """Add a said sentence and leave the history."""
+        """Add a spoken sentence and leave the history."""
         if text in self.said:
             self.said.remove(text)
         self.said = [*self.said, text][-KEPT:]
         self._at = len(self.said)
 
     def earlier(self, shown: str) -> str:
-        """The sentence before the shown one. What was typed stays at the end."""
+        """The sentence before the shown one. The typed text stays at the end."""
         if self._at == len(self.said):
             self._draft = shown
         self._at = max(0, self._at - 1)
         return self.said[self._at] if self.said else shown
 
     def later(self, shown: str) -> str:
-        """The sentence after the shown one; at the end, what was typed."""
+        """The sentence after the shown one; at the end, the typed text."""
         if self._at == len(self.said):
             return shown
         self._at += 1
@@ -247,7 +246,7 @@ class SpeechHistory:
 
 
 def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], keys: Iterable[str]) -> str:
-    """A likely completion of the typed text, from its beginning; empty if nothing fits.
+    """Return a likely completion of the typed text, from its beginning; empty: nothing fits.
 
     `said` comes before the scenario's sentences, the newest first. After a `{` the completion is a memory key.
     """
@@ -268,7 +267,7 @@ def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], ke
 
 
 class FilledSpeech(NamedTuple):
-    """The text that will be said, or why it cannot be."""
+    """The text to be spoken, or why it cannot be."""
 
     text: str = ""
     problem: str = ""
@@ -287,12 +286,12 @@ def fill_speech(typed: str, memory: Mapping[str, Any]) -> FilledSpeech:
 
 
 class SpeechEffect(NamedTuple):
-    """What happens when a sentence is said now; both are empty if it is simply said."""
+    """The effect of speaking a sentence now; both are empty if it is simply spoken."""
 
     queued: str = ""
     """Its wait: `waits for R_Welcome`, or the filler that gives way to it."""
     at_once: str = ""
-    """What it does immediately: `interrupts R_Welcome`."""
+    """Its immediate effect: `interrupts R_Welcome`."""
 
 
 def speech_effect(scenario: Scenario, view: SessionView) -> SpeechEffect:

@@ -1,6 +1,6 @@
-"""The band below the top line: what the robot says, and what comes next if nobody does anything. Pure.
+"""The band below the top line: the robot's speech, and the next steps without any input. Pure.
 
-Its height is fixed for a session and a terminal size. The scenario's longest sentence decides it.
+Its height is fixed for a session and a terminal size. It depends on the scenario's longest sentence.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TALL = 30
 WIDEST = 130
 """Cells beyond which a sentence and its time would be too far apart to read together."""
 LEAST_SENTENCE = 20
-"""The least cells of a sentence beside other upcoming steps."""
+"""Minimum cells of a sentence beside other upcoming steps."""
 LABEL = " next  "
 GAP: StyledSpan = ("  ·  ", "muted")
 LOOKS: dict[str, StyledSpan] = {
@@ -75,7 +75,7 @@ def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -
 
 
 def changes_by_tenths(store: Store) -> bool:
-    """Whether something in the band changes by tenths of a second."""
+    """Whether a part of the band changes by tenths of a second."""
     if store.gone_reason or store.cut_since is not None:
         return False
     return bool(store.view.running) or any(step.when in ("timer", "filler") for step in find_upcoming(store).steps)
@@ -139,7 +139,7 @@ def _quote(text: str) -> str:
 
 
 def _wrap_sentence(text: str, width: int) -> list[str]:
-    """The sentence on as many lines as it needs; the first leaves room for the note."""
+    """The sentence on the lines that it needs; the first leaves room for the note."""
     first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
     text = " ".join(clean(text).split())
     head = wrap(text, first)[0]
@@ -148,7 +148,7 @@ def _wrap_sentence(text: str, width: int) -> list[str]:
 
 
 def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
-    """The lines around the words that are probably being said, and the number of the first line."""
+    """The lines around the words that are probably being spoken, and the number of the first line."""
     every = wrap(text, max(10, width - GLYPH - NOTE - 2))
     here = min(len(every) - 1, int(share * len(every)))
     first = min(max(0, here - (rows - 1) // 2), max(0, len(every) - rows))
@@ -170,7 +170,7 @@ class _Piece(NamedTuple):
 
     line: StyledLine
     least: int | None = None
-    """The cells to which it can be cut if there is no room; None: it stays whole, or is left out."""
+    """The cells to which it can be cut if there is no room; None: it stays whole, or is omitted."""
 
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
@@ -181,7 +181,7 @@ def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNa
 
 
 def _fit_pieces(pieces: Sequence[_Piece], width: int) -> StyledLine:
-    """Join the pieces. The last ones are left out first, so that only a sentence is ever cut."""
+    """Join the pieces. The last ones are omitted first, so that only a sentence is ever cut."""
     kept = list(pieces)
     while len(kept) > 1 and _joined_width([piece.least or line_width(piece.line) for piece in kept]) > width:
         kept.pop()
@@ -224,7 +224,7 @@ def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
 
 
 def _why_nothing_comes(store: Store, key_name: KeyNames) -> StyledLine:
-    """Why nothing will come, whatever the rules say; empty otherwise."""
+    """Why nothing will come, whatever the rules have; empty: something may."""
     if store.gone_reason:
         return (("nothing: the session is over" if store.ended_in_order else "nothing: the engine has gone", "muted"),)
     if store.cut_since is not None:

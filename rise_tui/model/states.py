@@ -33,7 +33,7 @@ EXPECTED = StateLabel("◇", "expected", "key")
 RUNNING = StateLabel("►", "running", "accent")
 WAITING = StateLabel("○", "waiting", "wait")
 NOT_TAKEN = StateLabel("-", "not taken", "wait")
-"""A raised event that nobody was waiting for."""
+"""A raised event that no rule waited for."""
 
 TASK_STATES = {
     "PENDING": WAITING,
@@ -126,7 +126,7 @@ def action_state(action: ActionView | None) -> StateLabel:
 
 
 def newest_task(store: Store, name: str) -> TaskView | None:
-    """The task of an act for the screen: the running one, else the waiting one, else the last."""
+    """The task of an act for the screen: the running one, or else the waiting one, or else the last."""
     act = store.act(name)
     ids = (*act.running[-1:], *act.waiting[:1])
     return store.view.tasks[ids[0]] if ids else act.last
@@ -140,18 +140,18 @@ def act_progress(act: Act, task: TaskView) -> tuple[int, int]:
 HERE, STATE = "here", "state"
 """The id prefixes of state rows, before a colon and the state's name: the present state, and the others."""
 FAR = 8
-"""Rows. A longer rail has its target's name at the label too, because its arrow may be out of view."""
+"""Rows. At a longer rail, the label also names the target, because its arrow may be out of view."""
 LEAST_NAME = 4
 """Cells of a state's name that are always shown."""
 INDENT = 2
-"""Cells by which ways are indented behind names if a state and its way down share a row."""
+"""Indentation in cells of transitions behind names, if a state and its transition down share a row."""
 
 
 class GraphPosition(NamedTuple):
     """The position of the rule at this moment."""
 
     state: str | None = None
-    """The present state; None while the rule does not run."""
+    """The present state; None: the rule does not run."""
     last: tuple[str, int] | None = None
     """The last transition: the state that it left, and its index."""
 
@@ -193,7 +193,7 @@ def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) ->
 
 
 def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
-    """The state's glyph, name and marks. The name is cut first; before a way, permanent notes may be left out."""
+    """The state's glyph, name and marks. The name is cut first; before a transition, permanent notes may be omitted."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "maybe next" in marks else ("○ ", "muted")
     )
@@ -210,7 +210,7 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
 def _way_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
-    """A way's label and its end: its target if no rail shows it, and whether it was taken."""
+    """A transition's label and its end: its target if no rail shows it, and whether it was taken."""
     role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)

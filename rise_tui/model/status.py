@@ -1,4 +1,4 @@
-"""The text of the status line, and what is cut in a narrow terminal. Pure; knows no widget.
+"""The text of the status line, and its cuts in a narrow terminal. Pure, without widgets.
 
 Participant, condition, mode, robot, link, cue and the state of the keys are never cut. The title is cut first.
 """
@@ -29,12 +29,12 @@ from rise_tui.rendering.text import (
 )
 
 SHOWN = 5
-"""Items that are named; the others are only counted."""
+"""Maximum number of named items; the others are only counted."""
 
 
 def participant_parts(store: Store) -> list[str]:
-    """The participant and the condition's label, as far as they are known. In a study the participant has the run and,
-    if the session does not count, its purpose: `P07 run 2`."""
+    """The participant and the condition's label, as far as known. In a study the participant has the run and, if the
+    session does not count, its purpose: `P07 run 2`."""
     session = store.view.session
     if session is None:
         return []
@@ -53,7 +53,7 @@ def _labelled_condition(store: Store, session: SessionRecord) -> str:
 
 
 def participant_text(store: Store) -> str:
-    """`P07 · hesitation`; empty when nobody was named."""
+    """`P07 · hesitation`; empty: no participant is named."""
     return clean(" · ".join(participant_parts(store)))
 
 
@@ -63,8 +63,7 @@ def session_title(store: Store) -> str:
 
 
 def running_lines(store: Store) -> list[str]:
-    """Running rules with their states, running acts and waiting acts, and what the robot may still be doing, in lines
-    for a question."""
+    """Running rules with their states, acts, and the robot's open goals, in lines for a question."""
     running = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
     running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
     running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
@@ -80,7 +79,7 @@ ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
 FRESH = 2.0
 """Seconds for which a robot's sign of life counts as recent. The link brings one about every second."""
 OLD = 3.0
-"""Seconds. From this age on something is wrong, whatever the link reports."""
+"""Age in seconds of a sign of life from which something is wrong, whatever the link reports."""
 TITLE = 12
 """Cells that the title keeps before anything else is cut, if there is some room."""
 NAME = 12
@@ -93,7 +92,7 @@ LEAST_TITLE = 8
 USUAL = 100
 """From this width on the title keeps TITLE cells."""
 VANISHES = 12
-"""From this step on a cell is left out (`StatusCell.keep`)."""
+"""The step from which a cell is omitted (`StatusCell.keep`)."""
 STATE = 9
 """Room for the longest of LIVE, SAFE, LOCKED and STOPPED."""
 
@@ -105,14 +104,14 @@ class StatusCell(NamedTuple):
 
     variants: tuple[StyledLine, ...]
     keep: tuple[int, ...] = ()
-    """When each step to the next variant is taken: the smallest number of all cells comes first."""
+    """The priority of each step to the next variant: the smallest number of all cells comes first."""
 
 
 def status_line(store: Store, width: int) -> StyledLine:
     """The whole line in exactly `width` cells.
 
-    Participant and condition always come first. The title gets the remaining room. While a cue is counted, it takes
-    part of the title's room, so that nothing else moves.
+    Participant and condition always come first. The title gets the remaining room. A counted cue takes part of the
+    title's room, so that nothing else moves.
     """
     participant = _participant_line(store, _cells(store, padded=False), width)
     title: StyledLine = (
@@ -121,7 +120,7 @@ def status_line(store: Store, width: int) -> StyledLine:
     room = width - line_width(participant) - 1
     counts = not (store.gone_reason or store.cut_since is not None or store.attach_reply.replay)
     best = sum(line_width(cell.variants[0]) for cell in _cells(store, padded=True))
-    awaits = counts and store.key_state != "STOPPED"  # nobody answers then
+    awaits = counts and store.key_state != "STOPPED"  # no answer is possible then
     cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
     kept = max(TITLE if width >= USUAL else 0, cue_room)
     padded = best + max(kept, line_width(title)) <= room  # no blanks while something is cut
@@ -134,8 +133,8 @@ def status_line(store: Store, width: int) -> StyledLine:
 
 
 def _participant_line(store: Store, cells: list[StatusCell], width: int) -> StyledLine:
-    """`P07 · hesitation`, in full while `cells` fit beside it in variants that still say everything. Then names are cut
-    in the middle, the longer one first, because they often begin alike."""
+    """`P07 · hesitation`, in full while `cells` fit beside it in informative variants. Then names are cut in the
+    middle, the longer one first, because they often begin alike."""
     texts = [clean(text) for text in participant_parts(store)]
     least = sum(_least_width(cell) for cell in cells) + (CUE_SHORT if width >= NARROW else 0) + 1
     room = max(2 * max(8, width // 6), width - least - 4) - 1
@@ -152,7 +151,7 @@ def _participant_line(store: Store, cells: list[StatusCell], width: int) -> Styl
 
 
 def _least_width(cell: StatusCell) -> int:
-    """The width of the narrowest variant that still says what the cell is for."""
+    """The width of the narrowest variant that still shows the cell's meaning."""
     steps = sum(1 for step in cell.keep if step < VANISHES)
     return line_width(cell.variants[min(steps, len(cell.variants) - 1)])
 
@@ -217,7 +216,7 @@ def _robot_cells(store: Store) -> list[StatusCell]:
 
 
 def _recording_cells(store: Store) -> list[StatusCell]:
-    """The state of the record and, if it is bad, of the recorders outside."""
+    """The state of the record and, if it is bad, of the recorders."""
     found = recorders_word(store)
     if found is None:
         return [_recording_cell(store)]
@@ -254,7 +253,7 @@ def _cue_line(store: Store, room: int) -> StyledLine:
 
 
 def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
-    """Whether keys start anything, and who has control."""
+    """Whether keys start anything, and the holder of control."""
     name = shorten(short_name(store.own_name), NAME)
     own = StatusCell((((f" {store.attach_reply.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone_reason:
@@ -271,14 +270,14 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     if store.view.control is not None or store.attach_reply.role != "wizard":
         control = f"WATCHING · {control}"
     shown: StyledLine = (GAP, (f" {control} ", "call"))
-    # If there is little room, the red bar shows the first of these.
+    # With little room, the red bar shows the first of these.
     return [StatusCell(((GAP, *words), ()) if words else ((),), (10,)), StatusCell((shown,))]
 
 
 def _key_state_line(store: Store) -> StyledLine:
     """The state of the keys. A console that only observes does not show LIVE."""
     words: list[StyledSpan] = []
-    if store.silent_seconds and not store.view.stop.latched:  # a stop that was sent meanwhile is not known to be one
+    if store.silent_seconds and not store.view.stop.latched:  # the effect of a stop sent meanwhile is unknown
         words.append((" SILENT ", "alarm"))
     elif store.key_state == "STOPPED":
         words.append((" STOPPED ", "alarm"))

@@ -1,4 +1,4 @@
-"""What the console knows: the engine's view, and its own requests that the engine has not answered yet.
+"""The console's knowledge: the engine's view, and its own requests without an answer.
 
 A read model without any screen. Panes read it; only `ConsoleSession` and the screens change it.
 """
@@ -62,10 +62,10 @@ from rise_tui.model.notice import Notice, completion_message, record_notice, sho
 from rise_tui.model.speech import CurrentSentence, SentenceTracker
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
-"""What a batch of records changed. A pane names those that it shows."""
+"""The parts that a batch of records changed. A pane names those that it shows."""
 
 ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart)) - {"flash"}
-"""All that may differ; a mark is flashed only when it arrives."""
+"""All parts that may differ. A mark is flashed only when it arrives."""
 
 _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MemoryRecord: frozenset({"memory"}),
@@ -81,7 +81,7 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
 }
 """`apply` adds the parts of tasks, and of events that no rule took."""
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
-"""The parts that may show that something was sent."""
+"""The parts that may show a sent request."""
 _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "startCommunicationRobotAct": frozenset({"tasks", "acts"}),
     "say": frozenset({"tasks", "acts"}),
@@ -90,7 +90,7 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
 
 
 def parts_of_sent(function: str) -> frozenset[StorePart]:
-    """The parts that show that a task with this function was sent."""
+    """The parts that show a sent task with this function."""
     return ALL_PARTS if function == "stopAll" else _PARTS_OF_TASK.get(function, _LIST_PARTS)
 
 
@@ -107,7 +107,7 @@ class SentTask(Struct, frozen=True):
 
 
 SILENT_SECONDS = 3.0
-"""Seconds without a sign of life of the engine, which gives one each second, before the console tells it."""
+"""Seconds without a sign of life of the engine, normally one a second, before the console shows it."""
 
 
 @dataclass
@@ -127,37 +127,38 @@ class Store:
     """The rows of the log in order of arrival. The lists are replaced when the view has forgotten some."""
     notice: Notice | None = None
     gone_reason: str = ""
-    """Why the session is over or the engine has gone; empty while it lives."""
+    """Why the session is over or the engine has gone; empty: neither."""
     ended_in_order: bool = False
-    """The session ended in order. If only `gone_reason` is set, the engine has gone without that."""
+    """Whether the session ended in order. With `gone_reason` alone, the engine has gone."""
     end_unrecorded: bool = False
-    """Whether it is over, and its record has no end: the disk took no more."""
+    """Whether the session is over, but its record has no end, because the disk failed."""
     cut_since: float | None = None
-    """Since when this connection has been cut, on the console's own clock; None while it is intact."""
+    """Since when this connection has been cut, on the console's own clock; None: it is intact."""
     stop_unsent: bool = False
-    """The stop key was pressed while it could not be sent."""
+    """Whether the stop key was pressed while it could not be sent."""
     journal_status: JournalStatus = field(init=False)
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """The last sign of life of the robot and the engine."""
     heard_at: float | None = None
-    """When the engine last gave a sign of life, on the console's own clock. None: it gives none, as in a replay."""
+    """The engine's last sign of life, on the console's own clock; None: it gives none, as in a replay."""
     shadow: ShadowStatus | None = None
     """The state of the shadow, while this console plays a session's cues to a second wizard."""
     input_mode: InputMode = "LIVE"
     """Whether this console's keys start anything, as its wizard has chosen."""
     control_lost: control.ControlLost | None = None
-    """Control was taken from this console, and the wizard has pressed no key since this was shown."""
+    """The loss of control, until the wizard presses a key."""
     reclaims_control: bool = False
-    """It had control when the connection was cut, and nobody else has it now, except perhaps its own cut connection."""
+    """Whether it had control when the connection was cut, and no other client has it now, except perhaps its own cut
+    connection."""
     armed_act: str = ""
     """The act whose first of two presses was seen."""
     newest_speech: int = 0
     """The id of the latest task of free speech."""
     shown_act: str = ""
-    """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
+    """The act that started last, or the one that the wizard has selected since; empty: free speech is the newest."""
     shown_rule: str = ""
     condition_labels: Mapping[str, str] | None = None
-    """The study's labels of its conditions, by name. None: not read yet, so no condition is shown."""
+    """The study's labels of its conditions, by name; None: not read yet, so no condition is shown."""
     flash: SyncRecord | None = None
     """The latest mark for cameras that arrived in time while this console was attached."""
     last_deletion: tuple[str, Any] | None = None
@@ -185,7 +186,7 @@ class Store:
         self.shown_rule = next(iter(self.view.running_rules()), "")
 
     def reattach(self, attach_reply: AttachReply) -> None:
-        """Take over the new snapshot after the connection was cut. It has the truth."""
+        """Take over the new snapshot, which is right, after the connection was cut."""
         had_control, former_name = self.has_control, self.own_name
         self.cut_since, self.stop_unsent, self.heard_at = None, False, None
         self.sent.clear()
@@ -206,7 +207,7 @@ class Store:
         self._restart_trackers()
 
     def _restart_trackers(self) -> None:
-        """Restart what follows the session record by record from the view."""
+        """Restart from the view the parts that follow the session record by record."""
         self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.undo_stack.clear()
         self._estimates.clear()
@@ -234,7 +235,7 @@ class Store:
 
     @property
     def open_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing for actions that have ended. Each goal holds its part."""
+        """The robot's open goals that hold a part."""
         robot = self.view.robot
         return tuple(goal for goal in robot.open if goal.holds) if robot is not None else ()
 
@@ -255,7 +256,7 @@ class Store:
 
     @property
     def has_control(self) -> bool:
-        """Whether this console may act. A replay names nobody; nobody can act in it."""
+        """Whether this console may act. In a replay nobody can act."""
         return not self.attach_reply.you or self.view.control == self.attach_reply.you
 
     @property
@@ -265,14 +266,14 @@ class Store:
 
     @property
     def silent_seconds(self) -> float:
-        """For how long the engine has given no sign of life; 0 while it gives them, and for a session that is over."""
+        """Seconds without a sign of life of the engine; 0: it gives them, or the session is over."""
         if self.heard_at is None or self.gone_reason or self.cut_since is not None:
             return 0.0
         silent = monotonic() - self.heard_at
         return silent if silent >= SILENT_SECONDS else 0.0
 
     def blocked_reason(self, deed: Deed) -> BlockedReason | None:
-        """What blocks this deed from this console now; None if nothing does."""
+        """What blocks this deed from this console now; None: nothing."""
         if self.gone_reason:
             return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
         if self.cut_since is not None:
@@ -307,7 +308,7 @@ class Store:
         return self.blocked_reason("start" if starts else "change")
 
     def current_sentence(self) -> CurrentSentence:
-        """What the robot says, or last said."""
+        """The robot's present or last speech."""
         return self.sentences.current(self.view, self.now())
 
     @property
@@ -321,7 +322,7 @@ class Store:
         return self.study_keys.expected_keys(self._rule_states(), self.memory, busy)
 
     def expected_inputs(self) -> ExpectedInputs:
-        """What the running rules wait for now."""
+        """The inputs that the running rules wait for now."""
         return find_expected_inputs(self.study_keys, self._rule_states(), self.memory)
 
     def _rule_states(self) -> dict[str, str | None]:
@@ -342,7 +343,7 @@ class Store:
         return self.view.acts.get(name) or ActView()
 
     def typical_seconds(self, name: str) -> float | None:
-        """How long an act takes: the mean of its runs, or an estimate before the first run."""
+        """The usual duration of an act: the mean of its runs, or an estimate before the first run."""
         measured = self.act(name).typical
         if measured is None and name in self.scenario.acts:
             if name not in self._estimates:
@@ -354,14 +355,14 @@ class Store:
         return self.view.rules.get(name) or RuleView()
 
     def key_of(self, function: str, behavior: str) -> KeyBinding | None:
-        """The scenario's key that submits this, if there is one."""
+        """The scenario's key that submits this, if any."""
         return self.study_keys.key_of(function, behavior)
 
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
 
     def apply(self, updates: Sequence[ClientUpdate]) -> set[StorePart]:
-        """Take in a batch of updates; returns what changed."""
+        """Process a batch of updates. Returns the changed parts."""
         changed: set[StorePart] = set()
         noticed = self.notice
         if self.heard_at is not None or any(isinstance(record, Heartbeat) for record in updates):
@@ -422,7 +423,7 @@ class Store:
 
     @property
     def forgotten_text(self) -> str:
-        """A sentence that the oldest tasks are only in the record; empty while all are here."""
+        """A sentence that the oldest tasks are only in the record; empty: all are here."""
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} only in the record" if count else ""
 
@@ -451,7 +452,7 @@ class Store:
         return frozenset({"tasks"}) if missed else frozenset()
 
     def _apply_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
-        """Take over the state of the record. Nothing is painted for changes that are not visible."""
+        """Take over the state of the record. Invisible changes are not painted."""
         before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
             self.notice = Notice("the disk accepts records again: the session goes on")

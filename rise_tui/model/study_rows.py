@@ -1,7 +1,7 @@
-"""The text of the study's screen: participants with their state in a word, the plan against what happened. Pure.
+"""The text of the study's screen: participants with their state in a word, the plan and its progress. Pure.
 
-A hidden study shows no condition here, not even of sessions that are over. Within a block, somebody who knows the
-earlier conditions knows the next one.
+A hidden study shows no condition here, not even of sessions that are over: within a block, the earlier conditions
+reveal the next one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Conditions(NamedTuple):
     """The factors with their levels, by the condition's name: `hesitation: A, noise: quiet`."""
 
     def label(self, condition: str) -> str:
-        """A condition's label in its session; a condition outside the design is shown by its name."""
+        """A condition's label in its session. A condition outside the design is shown by its name."""
         return self.labels.get(condition, condition)
 
     def described(self, condition: str) -> str:
@@ -57,7 +57,7 @@ class Conditions(NamedTuple):
         return self.descriptions.get(condition) or self.label(condition)
 
     def shown(self, condition: str) -> str:
-        """A condition's label outside its session: empty in a hidden study."""
+        """A condition's label outside its session; empty: a hidden study."""
         return "" if self.hidden else self.label(condition)
 
 
@@ -106,7 +106,7 @@ STATES: dict[ParticipantState, StateLabel] = {
 OUTCOMES = {"complete": "✓ complete", "aborted": "■ aborted", "excluded": "- excluded"}
 STATE_WIDTH = 13
 NAME_WIDTH = 12
-"""The most cells for a pseudonym."""
+"""Maximum cells for a pseudonym."""
 NEXT = "→"
 LEAST_WHY = 12
 """Cells below which a reason is useless."""
@@ -150,7 +150,7 @@ def _participant_row(each: ParticipantStanding, next: str, width: int, columns: 
 
 
 def _runs_text(each: ParticipantStanding) -> str:
-    """`1 of 2 runs`; empty if everybody has one run."""
+    """`1 of 2 runs`; empty: every participant has one run."""
     return f"{runs_done(each)} of {each.runs} runs" if each.runs > 1 else ""
 
 
@@ -218,7 +218,7 @@ def _cell_name(cell: CellStanding, conditions: Conditions) -> str:
 
 
 def _planned(cell: CellStanding) -> int:
-    """The planned number of a cell. With strata it is unknown how many of each will come."""
+    """The planned number of a cell. With strata, the number of each is unknown."""
     return 0 if cell.strata else cell.planned
 
 
@@ -259,7 +259,7 @@ def _cell_line(cell: _Cell, names: int) -> StyledLine:
 
 
 def due_rows(standing: StudyStanding, width: int) -> list[ListRow]:
-    """What somebody must do."""
+    """The work that is due."""
     rows: list[ListRow] = []
     for sentence in standing.due:
         lines = wrap(sentence, max(20, width - 4))
@@ -299,7 +299,7 @@ def rehearsal_rows(standing: StudyStanding, width: int) -> list[ListRow]:
 
 
 def problem_rows(problems: Sequence[str], width: int) -> list[ListRow]:
-    """Why nothing can be started: every diagnostic, on as many lines as it needs."""
+    """Why nothing can be started: every diagnostic, on the lines that it needs."""
     rows = [_row(((" The study has errors: nothing can be started.", "fault"),), width), _row((), width)]
     for finding in problems:
         for at, line in enumerate(wrap(finding, max(30, width - 5))):
@@ -324,7 +324,7 @@ def open_entry(each: ParticipantStanding) -> SessionEntry | None:
 
 
 def running_rehearsal(standing: StudyStanding, participant: str = "") -> SessionEntry | None:
-    """The running rehearsal, of this participant or of anybody."""
+    """The running rehearsal, of this participant or any."""
     running = (entry for entry in standing.rehearsals if entry.status == "running")
     return next((entry for entry in running if participant in ("", entry.participant)), None)
 

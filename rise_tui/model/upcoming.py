@@ -1,7 +1,7 @@
-"""What comes next if nobody does anything, or else what is waited for. Pure.
+"""The next steps without any input, or else the awaited inputs. Pure.
 
-It uses only what the engine's state says for certain: a running timer, an act that will end, a task that waits its
-turn, the rule that would take the event. It never guesses what a person will do.
+It uses only certain facts of the engine's state: a running timer, an act that will end, a waiting task, the rule that
+would take the event. It never guesses what a person will do.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from rise_tui.model.wait_explanations import due_at
 
 
 class UpcomingStep(NamedTuple):
-    """One thing that will happen without anybody's action."""
+    """One step that will happen without any input."""
 
     when: str
     """`timer`, `end` (of the running acts), `turn` (of a waiting task), or `filler`."""
     seconds: float | None
     """Seconds until then: exact for a timer, otherwise probable; None when unknown."""
     target: str = ""
-    """The state that a rule goes to."""
+    """The state that a rule enters."""
     starts: tuple[str, ...] = ()
     """Acts that then certainly start."""
     may_start: tuple[str, ...] = ()
@@ -40,26 +40,26 @@ class UpcomingStep(NamedTuple):
 
 
 class Upcoming(NamedTuple):
-    """What comes without anybody's action, the soonest first, and what is waited for, now or after the first step."""
+    """The steps without any input, the soonest first, and the awaited inputs, now or after the first step."""
 
     steps: tuple[UpcomingStep, ...] = ()
     keys: tuple[KeyBinding, ...] = ()
     """The keys with which the wizard can continue: now, or after a first step into a state that only waits."""
     after_first: bool = False
-    """`keys` and `waits_for` are about the state after the first step."""
+    """Whether `keys` and `waits_for` are about the state after the first step."""
     waits_for: str = ""
-    """What else is waited for, if no key brings it about."""
+    """Other awaited input, if no key causes it."""
     any_rule_runs: bool = False
     """Whether any rule runs."""
 
 
 def find_upcoming(store: Store) -> Upcoming:
-    """What comes without anybody's action, and what is waited for."""
+    """Find the steps without any input, and the awaited inputs."""
     view, scenario = store.view, store.scenario
     stack = view.running_rules()
     steps = [*_timer_steps(store, stack), *_filler_steps(store), *_steps_after_acts(store, stack)]
     steps = [step for step in steps if not _reenters_state(store, step)]
-    # At the same time, the waiting task comes first: it was there before anything that a rule then starts.
+    # At the same time, the waiting task comes first, before everything that a rule then starts.
     steps.sort(key=lambda step: (float("inf") if step.seconds is None else step.seconds, step.when != "turn"))
     first = steps[0] if steps else None
     if first is not None and first.target and not (first.starts or first.may_start or first.ends_rule):
@@ -73,7 +73,7 @@ def find_upcoming(store: Store) -> Upcoming:
 
 
 def _reenters_state(store: Store, step: UpcomingStep) -> bool:
-    """Whether a rule only enters its present state again, like a rule that follows somebody with its gaze."""
+    """Whether a rule only enters its present state again, like a rule that follows a person with its gaze."""
     return step.when == "end" and step.target == store.view.rules[step.rule].state
 
 
@@ -103,7 +103,7 @@ def _filler_steps(store: Store) -> Iterator[UpcomingStep]:
 
 
 def _steps_after_acts(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
-    """What a rule does when the act that started last succeeds, and the task whose turn then comes."""
+    """The steps of a rule when the last started act succeeds, and the task whose turn then comes."""
     seconds_left = _seconds_left(store)
     if (ending := _transition_at_end(store, stack)) is not None:
         yield _rule_step(store, *ending, "end", seconds_left)
@@ -141,7 +141,7 @@ def _transition_at_own_end(store: Store, stack: list[str], task: TaskView) -> tu
 
 
 def _seconds_left(store: Store) -> float | None:
-    """Seconds until all running acts will probably have ended; None when unknown, or if none runs."""
+    """Seconds until all running acts will probably have ended; None: unknown, or none runs."""
     longest = 0.0
     for task in store.running_tasks:
         if task.function == "say":
@@ -183,7 +183,7 @@ def _find_keys(store: Store, transitions: Iterable[Transition], busy: Iterable[s
 
 
 def _other_wait_text(store: Store, transitions: Iterable[Transition]) -> str:
-    """The first thing that is waited for and that no key brings about."""
+    """The first awaited input that no key causes."""
     for transition in transitions:
         if transition.event is not None or transition.ended is not None:
             return wait_text(store.scenario, transition)

@@ -1,4 +1,4 @@
-"""Why a rule stays in its state: for each transition, what it waits for, which parts are true, and what one can do."""
+"""Why a rule stays in its state: the trigger of each transition, the truth of its parts, and the possible inputs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ READABLE = 84
 
 
 def key_owner(store: Store) -> str:
-    """Who can press a named key: `you`, or whoever has control (`key`)."""
+    """Who can press a named key: `you`, or the holder of control (`key`)."""
     return "key" if store.blocked_reason("change") else "you"
 
 
@@ -107,7 +107,7 @@ class WaitExplanations:
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
     def _progress_spans(self, index: int, transition: Transition, view: RuleView) -> StyledLine:
-        """The progress: the time left, or what the awaited act does."""
+        """The progress: the time left, or the state of the awaited act."""
         now = self._store.now()
         if transition.after is not None:
             due = due_at(index, transition, view)
@@ -197,7 +197,7 @@ class WaitExplanations:
 
 
 def due_at(index: int, transition: Transition, view: RuleView) -> float | None:
-    """Session time at which a transition's time is over; None while nothing is counted for it."""
+    """Session time at which a transition's time is over; None: nothing is counted for it."""
     after, countdown = transition.after, view.countdowns.get(index)
     if countdown is not None:
         return countdown.since + countdown.seconds if countdown.seconds is not None else None

@@ -1,4 +1,4 @@
-"""What people and the robot did, newest last, optionally with everything that rules did. Fast with 100,000 rows."""
+"""The deeds of people and the robot, newest last, optionally with those of rules. Fast with 100,000 rows."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LogPane(Pane):
         self._rebuild_count = store.log.rebuild_count
         """The rebuild count of the shown lists."""
         self._checked_count = 0
-        """How many of the tasks that have changed after their end were checked."""
+        """The number of checked tasks among those that changed after their end."""
 
     @property
     def row_view(self) -> TaskLog:
@@ -75,7 +75,7 @@ class LogPane(Pane):
         return self.store.log.all if self.own_rows_shown else self.store.log.main
 
     def show_own_rows(self, unfolded: bool) -> None:
-        """Show or hide what rules did on their own."""
+        """Show or hide the rules' own rows."""
         if unfolded != self.own_rows_shown:
             self.own_rows_shown = unfolded
             self.repaint()
@@ -95,7 +95,7 @@ class LogPane(Pane):
             return line  # the search over the rows reports it
 
     def _searched_text(self, row: int) -> str | None:
-        """The text that a filter searches; None for a row that is only in the journal."""
+        """The text that a filter searches; None: a row that is only in the journal."""
         task = self._task_at(row)
         return search_text(task) if task is not None else None
 
@@ -151,7 +151,7 @@ class LogPane(Pane):
         self._checked_count = len(changed)
 
     def _search_further(self) -> int:
-        """Search a few more rows, so that a key never waits (console.md 9.2); returns how many, 0 at the end."""
+        """Search a few more rows, so that a key never waits (console.md 9.2). Returns their number, 0 at the end."""
         looked = 0
         if self._search is not None:
             try:

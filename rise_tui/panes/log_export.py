@@ -24,16 +24,16 @@ COLUMNS = (
     *("task", "submitted", "started", "ended", "waited", "took", "source", "function", "calling_type", "behavior"),
     *("status", "reason", "mistake", "cue", "key", "robot", "voice", "filler"),
 )
-"""Times are seconds of the session; `waited` and `took` are durations in seconds. What did not happen is `n/a`."""
+"""Times are seconds of the session; `waited` and `took` are durations in seconds. Missing values are `n/a`."""
 TABLE_SUFFIXES, JSON_LINES_SUFFIXES = (".tsv", ".txt"), (".jsonl", ".ndjson")
 
 
 class ExportFailed(RiseError):
-    """Nothing was written; the message says why, for a person."""
+    """Nothing was written. The message gives the reason, for a person."""
 
 
 def task_columns(task: TaskView) -> dict[str, Any]:
-    """A task's values for COLUMNS; None for what did not happen."""
+    """A task's values for COLUMNS; None: missing."""
     waited = task.started - task.submitted if task.started is not None else None
     took = task.ended - task.started if task.ended is not None and task.started is not None else None
     times = (task.submitted, task.started, task.ended, waited, took)
@@ -84,7 +84,7 @@ def clipboard_text(lines: Iterable[str]) -> str:
 
 
 def clipboard_remark(environment: Mapping[str, str]) -> str:
-    """What may stop a copied text from arriving, and what to do; empty if nothing is known."""
+    """What may prevent a copied text from arriving, with the remedy; empty: nothing is known."""
     if environment.get("TMUX") or environment.get("TERM", "").startswith("tmux"):
         return "; if nothing arrives: tmux set -g set-clipboard on"
     if environment.get("STY") or environment.get("TERM", "").startswith("screen"):
@@ -103,7 +103,7 @@ def export_folder(session: str) -> Path:
 def save_tasks(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
     """Write the tasks to a new file that only its owner can read, and return its full path.
 
-    `folder`: for names without one. It blocks, so keep it off a loop. Raises ExportFailed.
+    `folder`: for names without one. Blocks, so call it off the loop. Raises ExportFailed.
     """
     path = folder / Path(name.strip()).expanduser() if name.strip() else Path()
     ending = path.suffix.casefold()
@@ -186,7 +186,7 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
 
 
 def _missing_text(store: Store) -> str:
-    """What is missing from the rows, and how to get it."""
+    """The missing part of the rows, and how to get it."""
     return (
         f"; {store.forgotten_text}: rise-engine export {Path(store.attach_reply.folder).name}"
         if store.forgotten_text

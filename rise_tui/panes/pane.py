@@ -56,7 +56,7 @@ class TitleBar(StaticLines):
             column += len(text)
         note: StyledLine = (*right, (" ", "plain")) if right else ()
         if line_width(spans) + line_width(note) > self.size.width:
-            # Tabs come before notes, but not before notes that must be seen.
+            # Tabs come before notes, but not before important notes.
             if any(role == "wait" for _, role in right):
                 spans, self._tab_spans = [span for span in spans if span[1] == "accent"], []
             else:
@@ -75,8 +75,8 @@ class TitleBar(StaticLines):
 class Pane(Vertical):
     """A list or pane of the console.
 
-    Its text comes from `make_rows` (in the log: `make_line`), `subtitle` (right of its title) and EMPTY. Its keys are
-    handled in `carry_out`.
+    Its text comes from `make_rows` (in the log: `make_line`), `subtitle` (right of its title) and EMPTY. `carry_out`
+    handles its keys.
     """
 
     SCOPE: ClassVar[KeyScope]
@@ -94,7 +94,7 @@ class Pane(Vertical):
         self.filter: Filter | None = None
         """The last valid filter; None while every row is shown."""
         self.filter_problem = ""
-        """Why the typed text cannot be used as a filter."""
+        """Why the typed text is no filter."""
         self.title = TitleBar(self.SCOPE, self.TITLE)
         self._filled = False
         self.filter_bar = PromptBar("find ", "words, !not, /regular expression; esc clears")
@@ -128,12 +128,12 @@ class Pane(Vertical):
         return [self.row_view]
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
-        """Whether it may need a repaint after this change."""
+        """Whether this change may require a repaint."""
         return bool(changed & self.PARTS)
 
     @abstractmethod
     def repaint(self) -> None:
-        """Make the pane's rows again from the store. Only what differs reaches the terminal."""
+        """Make the pane's rows again from the store. Only differences reach the terminal."""
 
     def subtitle(self) -> StyledLine:
         """The text right of the title."""
@@ -153,7 +153,7 @@ class Pane(Vertical):
             self.carry_out(action)
 
     def leave_transient(self) -> bool:
-        """Handle Esc: leave the pane's transient state. False if there is none."""
+        """Handle Esc: leave the pane's transient state. False: there is none."""
         if self.filter is not None or self.filter_bar.is_open:
             self.close_filter(keep=False)
             return True
@@ -277,5 +277,5 @@ class ListPane(Pane):
             return rows
 
     def mark_matches(self, rows: list[ListRow]) -> list[ListRow]:
-        """All rows, with the filter's matches marked. A picture would make no sense with gaps."""
+        """All rows, with the filter's matches marked. A picture with gaps would have no meaning."""
         return [row._replace(line=mark_line(row.line, self.filter)) for row in rows]

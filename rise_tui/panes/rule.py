@@ -22,7 +22,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, hea
 from rise_tui.widgets.lines import RowList
 
 CLOCK_SECONDS = 1.0
-"""Seconds between two updates of what the clock alone changes."""
+"""Seconds between two updates of the parts that change with the clock."""
 ROWS_AHEAD = 4
 """Rows below the present state that should be visible with it."""
 USUAL_SHARE = 0.6
@@ -96,7 +96,7 @@ class RulePane(ListPane):
 
     @property
     def _shown_rule(self) -> Rule | None:
-        """The shown rule. With none run or selected: the one that the study's first key for a rule starts."""
+        """The shown rule. Without a running or selected one: the one that the study's first key for a rule starts."""
         rules = self.store.scenario.rules
         name = self.store.shown_rule or next(iter(self.store.view.running_rules()), "")
         first = next((key.behavior for key in self.store.scenario.keys.values() if key.function == RULE), "")
@@ -109,7 +109,7 @@ class RulePane(ListPane):
         self.set_interval(CLOCK_SECONDS, self._repaint_by_clock)
 
     def _repaint_by_clock(self) -> None:
-        """Repaint what the clock alone changes, if there is any and it is visible."""
+        """Repaint the parts that change with the clock, if any is visible."""
         rule = self._shown_rule
         if rule is None or not self.display or not self.size.height or self.store.gone_reason:
             return
@@ -165,7 +165,7 @@ class RulePane(ListPane):
     # --- the graph --------------------------------------------------------------------------------------------------
 
     def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
-        """Lay the graph out again if the rule or the width has changed. Only rows that differ are repainted."""
+        """Lay out the graph again if the rule or the width has changed. Only different rows are repainted."""
         if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
             self._layout_made = rule, lay_out_graph(rule, width)
         layout = self._layout_made[1]
@@ -174,7 +174,7 @@ class RulePane(ListPane):
         self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
 
     def _bring_into_view(self) -> None:
-        """Scroll only if the present state, or what may follow right below it, would be invisible."""
+        """Scroll only if the present state, or its possible next one right below, would be invisible."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
         index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id.startswith(HERE)), 0)
         ahead = min(ROWS_AHEAD, height // 3)

@@ -27,7 +27,7 @@ MOST_NAMED = 8
 
 
 def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dict[str, Any]:
-    """The memory without values that other sessions get elsewhere: the engine's own, and those of a condition.
+    """The memory without values that sessions get elsewhere: the engine's own, and those of a condition.
 
     These keep their start values, if they have any.
     """
@@ -40,7 +40,7 @@ def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dic
 
 
 async def ask_to_save_start_values(pane: Pane) -> None:
-    """Ask over `pane` whether later sessions should begin with the present memory; then write it."""
+    """Ask over `pane` whether later sessions should begin with the present memory, then write it."""
     scenario = pane.store.scenario
     try:
         path = await asyncio.to_thread(memory_file_path, scenario)
@@ -103,7 +103,7 @@ def memory_file_path(scenario: Scenario) -> Path:
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What changes for later sessions, one key a line."""
+    """The changes for later sessions, one key a line."""
     changes = []
     for key in {**before, **now}:
         if key not in now:
@@ -118,8 +118,7 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[
 def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
     """Write the changes from `before` to `now` into the file, and leave the rest of it unchanged.
 
-    The file is replaced as a whole or not at all. A link stays a link, and the file that it leads to is written. Raises
-    EditRefused.
+    The file is replaced completely or not at all. A link stays a link, and its target is written. Raises EditRefused.
     """
     try:
         there = {path.name: path.read_bytes()} if path.exists() else {}

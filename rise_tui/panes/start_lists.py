@@ -44,11 +44,11 @@ STATE_WIDTH = 10
 RUNNING_NAME_WIDTH = 24
 """Cells for the name of the running act, in the title of the acts."""
 WIDE = 46
-"""From this width on there is room for an act's progress and typical duration, and for a rule's state."""
+"""Minimum width for an act's progress and typical duration, and for a rule's state."""
 
 
 def _mark_expected(state: StateLabel, is_expected: bool) -> StateLabel:
-    """Mark what a running rule waits for, unless its present state matters more."""
+    """Mark the items that a running rule waits for, unless their present state matters more."""
     return EXPECTED if is_expected and state not in (RUNNING, WAITING, SENT, ARMED) else state
 
 
@@ -57,7 +57,7 @@ class StartListPane(ListPane):
 
     FUNCTION: str
     EXPECTATION_PARTS: ClassVar[frozenset[StorePart]]
-    """Parts that matter only if they change what the running rules wait for."""
+    """Parts that matter only if they change the inputs that the running rules wait for."""
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
@@ -71,7 +71,7 @@ class StartListPane(ListPane):
 
     @abstractmethod
     def stop(self, name: str) -> None:
-        """Stop an act or a rule, or say that there is nothing to stop."""
+        """Stop an act or a rule, or show that nothing runs."""
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
         if changed & (self.PARTS - self.EXPECTATION_PARTS):
@@ -120,7 +120,7 @@ class ActsPane(StartListPane):
         return self.store.expected_inputs().acts
 
     def subtitle(self) -> StyledLine:
-        """What the robot does now, even if its row is not visible; the number of acts when it does nothing."""
+        """The robot's present work, even if its row is not visible; the number of acts if it does nothing."""
         view = self.store.view
         if not view.running:
             return ((f"{len(self.store.scenario.acts)}", "muted"),)

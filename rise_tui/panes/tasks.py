@@ -30,7 +30,7 @@ class ActionDetails(StaticLines):
 
 
 class ActPane(ListPane):
-    """The act that started last, or that the wizard selected since; free speech while that is the newest."""
+    """The act that started last, or that the wizard has selected since; free speech while that is the newest."""
 
     SCOPE = "act"
     BINDINGS = bindings_in("act")
@@ -74,7 +74,7 @@ class ActPane(ListPane):
 NARROW = 56
 """Below this width, only a running task's remaining time is shown."""
 WIDE = 74
-"""From this width on there is room for who started a task."""
+"""Minimum width for the source of a task."""
 
 
 class SchedulerPane(ListPane):
@@ -119,7 +119,7 @@ class SchedulerPane(ListPane):
         return f"{elapsed}, {format_duration(-queued.seconds_left)} over", "wait"
 
     def _time_until_span(self, at: float | None, position: int) -> StyledSpan:
-        """For a waiting task: when it will probably start."""
+        """For a waiting task: its probable start."""
         if at is None:
             return "not known", "muted"
         if at < 1:

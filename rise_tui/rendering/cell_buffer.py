@@ -1,4 +1,4 @@
-"""What the terminal shows, cell by cell, so that a repaint sends only the cells that differ. Knows no screen.
+"""The terminal's contents, cell by cell, so that a repaint sends only different cells. Without a screen.
 
 Textual paints regions: opening a small dialog sends every cell of the terminal again, 27 kB at 120x40.
 """
@@ -22,7 +22,7 @@ from textual.strip import Strip
 GAP = 8
 """Up to this many equal cells between two different ones cost less than moving the cursor."""
 SECOND = "\0"
-"""The beginning of a wide character's second cell, so that it differs whenever the character does."""
+"""The start of a wide character's second cell, so that it differs whenever the character does."""
 
 Cell: TypeAlias = tuple[str, Style | None]
 
@@ -36,7 +36,7 @@ class CellRun(NamedTuple):
 
 
 class CellBuffer:
-    """What was written so far. Call `forget` after anything else has written to the terminal."""
+    """The written contents. Call `forget` after anything else has written to the terminal."""
 
     def __init__(self) -> None:
         self._rows: list[list[Cell | None]] = []
@@ -57,7 +57,7 @@ class CellBuffer:
             self._rows, self._size = [[None] * width for _ in range(height)], (width, height)
 
     def put(self, x: int, y: int, strip: Strip) -> list[CellRun]:
-        """Take in new content at a position; returns what must be written for it."""
+        """Store new content at a position. Returns the cells to write."""
         if not 0 <= y < len(self._rows):
             return []
         row = self._rows[y]
@@ -111,18 +111,18 @@ def differing_spans(before: Sequence[Cell | None], after: Sequence[Cell]) -> lis
 # --- what of a repaint is sent ----------------------------------------------------------------------------------------
 
 # Rich writes a full style before each piece and resets it afterwards. For a moved cursor in a list, that is half of the
-# bytes sent. So style codes that change nothing are left out, too.
+# bytes. So style codes without effect are omitted, too.
 
 
 class DiffUpdate(CompositorUpdate):
     """An update, reduced to the cells that the terminal does not show yet.
 
-    The stock updates write every cell of every repainted region. Opening or closing any dialog, and any change of
-    focus, writes the whole screen, 27 kB at 120x40; leaving a row writes all of it.
+    Textual's own updates write every cell of every repainted region. A dialog or a change of focus writes the whole
+    screen, 27 kB at 120x40; leaving a row writes all of it.
     """
 
     def __init__(self, update: LayoutUpdate | ChopsUpdate, cells: CellBuffer, size: Size) -> None:
-        """`cells`: the contents of a terminal of this size; it takes in what is written."""
+        """`cells`: the contents of a terminal of this size, updated with everything written."""
         self._update, self._cells, self._size = update, cells, size
 
     def render_segments(self, console: Console) -> str:
@@ -172,7 +172,7 @@ class _Style(NamedTuple):
 
 
 def shorten_styles(codes: str) -> str:
-    """The same text with the same look, without codes that change nothing. It begins and ends without a style.
+    """Return the same text with the same look, without codes that have no effect. It begins and ends without a style.
 
     The colour of a blank is invisible, and may differ.
     """

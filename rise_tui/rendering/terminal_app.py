@@ -1,4 +1,4 @@
-"""An app that writes only different cells, skips frames that its terminal cannot take, and sees every key first."""
+"""An app that writes only different cells, skips frames that its terminal cannot accept, and sees every key first."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class TerminalApp(App[Any]):
     def __init__(self, **options: Any) -> None:
         super().__init__(driver_class=TerminalDriver, **options)
         self._cells = CellBuffer()
-        """What the terminal shows."""
+        """The terminal's contents."""
         self._catching_up: Timer | None = None
         self.key_queue = KeyQueue(self, self._pass_on)
 
@@ -41,7 +41,7 @@ class TerminalApp(App[Any]):
         return writer if isinstance(writer, TerminalWriter) else None
 
     def forget_terminal(self) -> None:
-        """Forget what the terminal shows: the next paint is written in full."""
+        """Forget the terminal's contents: the next paint is written in full."""
         self._cells.forget()
 
     def repaint_everything(self) -> None:
@@ -50,7 +50,7 @@ class TerminalApp(App[Any]):
         self.screen.refresh()
 
     def on_resize(self, event: events.Resize) -> None:
-        """Repaint a window that has its old size again, because its contents are unknown after another size."""
+        """Repaint a window that has its old size again: its contents are unknown after another size."""
         if event.size == self._size and self._cells.is_known:
             self.repaint_everything()
 
@@ -81,15 +81,15 @@ class TerminalApp(App[Any]):
         """
 
     def admits(self, event: events.Event) -> bool:
-        """Whether a keyboard or mouse event may go on. Called once for each; for keys after `observe_key`."""
+        """Whether a keyboard or mouse event may pass. Called once for each; for keys after `observe_key`."""
         return True
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Carry out a key immediately that nothing else could want; False: it goes its usual way."""
+        """Carry out a key immediately that nothing else could use; False: it goes its usual way."""
         return False
 
     def waits_for_keys(self, event: events.Key) -> bool:
-        """Whether a key may be meant for what an earlier key opens. It then waits until that is open."""
+        """Whether a key may be for something that an earlier key opens. It then waits until that is open."""
         return False
 
     async def on_event(self, event: events.Event) -> None:
@@ -124,7 +124,7 @@ def repaint_everything(app: App[Any]) -> None:
 LOOK_SECONDS = 0.004
 """Seconds between two checks whether a screen has opened, or work is done."""
 MOST_LOOKS = 500
-"""The most checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
+"""Maximum number of checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
 everything takes longer, and a key that did not wait would go to the wrong field."""
 ROUNDS = 3
 """Walks from the focus up to the app: for a key's message, that message's answer, and what it opens."""
@@ -153,7 +153,7 @@ class KeyQueue:
         return self._task is None
 
     def put(self, event: events.Key) -> None:
-        """Pass this key on after those before it have been carried out."""
+        """Pass this key on after earlier keys have been carried out."""
         self._keys.append(event)
         if self._task is None:
             self._task = asyncio.create_task(self._run())

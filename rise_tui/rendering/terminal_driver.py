@@ -1,4 +1,4 @@
-"""The terminal: what its driver requests, the thread that reads keys, the writer, which never delays the console."""
+"""The terminal: its driver's requests, the thread that reads keys, and the writer, which never delays the console."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from textual.message import Message
 class TerminalDriver(LinuxDriver):
     """Reads with a `TerminalReader`, writes to a `TerminalWriter`, and requests only clicks, drags and the wheel.
 
-    In a stock app, each reported pointer movement costs 1.5 kB. A report right after a key would also make that key one
-    of several, which does not count.
+    In a plain Textual app, each reported pointer movement costs 1.5 kB. A report right after a key would also make that
+    key one of several, which does not count.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -32,7 +32,7 @@ class TerminalDriver(LinuxDriver):
     def start_application_mode(self) -> None:
         self.terminal_writer.stop_hurrying()
         forget = getattr(self._app, "forget_terminal", None)
-        if forget is not None:  # the terminal may have changed in the meantime
+        if forget is not None:  # the terminal may have changed meanwhile
             forget()
         super().start_application_mode()  # type: ignore[no-untyped-call]
 
@@ -61,7 +61,7 @@ class TerminalDriver(LinuxDriver):
 
 # --- reading ----------------------------------------------------------------------------------------------------------
 
-# Unlike Textual's own reader, this one knows for each key whether others came with it.
+# Unlike Textual's own reader, this one detects for each key whether others came with it.
 
 
 READ = 4096
@@ -99,8 +99,8 @@ def mark_together(messages: Iterable[Message], together: bool, *, begins: bool =
 class TerminalReader:
     """Reads one terminal, on its own thread, until it is stopped or the terminal has gone.
 
-    Textual's own reader does not tell what came in one read, so every key would have to wait for possible followers (25
-    ms). It also ends the whole console on a code that its parser cannot handle.
+    Textual's own reader does not show which keys came in one read, so every key would have to wait for others (25 ms).
+    It also ends the whole console on a code that its parser cannot handle.
     """
 
     def __init__(self, fileno: int, deliver: Callable[[Message], None], stop: Event) -> None:
@@ -121,7 +121,7 @@ class TerminalReader:
         return bool(select.select((self._fileno,), (), (), seconds)[0])
 
     def _read(self) -> bool:
-        """Read once and deliver. False when the terminal has gone."""
+        """Read once and deliver. False: the terminal has gone."""
         try:
             data = os.read(self._fileno, READ)
         except OSError:
@@ -136,7 +136,7 @@ class TerminalReader:
         return bool(data)
 
     def _deliver_incomplete(self) -> None:
-        """Deliver what has waited in vain for the rest of a sequence."""
+        """Deliver an incomplete sequence whose rest did not come."""
         messages = list(self._parser.tick())
         if any(isinstance(message, events.Key) and message.key != "escape" for message in messages):
             # Escape and something else came together: alt+enter is not Enter
@@ -159,8 +159,8 @@ class TerminalWriter:
     """The file that Textual's writer thread writes to.
 
     With a plain file the thread dies at the first error, or blocks in a write. Its bounded queue (30 writes) then fills
-    up, and the loop blocks forever in the next `put`. Here a terminal that is gone accepts everything and shows
-    nothing, so the queue always empties. `is_behind` says when not to queue the next frame.
+    up, and the loop blocks forever in the next `put`. Here a terminal that is gone accepts everything, so the queue
+    always empties. `is_behind` shows when not to queue the next frame.
     """
 
     PATIENCE = 1.0
@@ -168,15 +168,15 @@ class TerminalWriter:
     POLL = 0.1
     """Seconds between two checks whether `hurry` was called."""
     MOST_WAITING = 12
-    """Writes that may wait for the terminal before frames are skipped."""
+    """Maximum number of waiting writes before frames are skipped."""
     MOST_CHARACTERS = 8192
-    """Characters that may wait before frames are skipped."""
+    """Maximum number of waiting characters before frames are skipped."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file
         self._fd = file.fileno()
         with suppress(OSError):
-            # Opened again, so that only our descriptor does not block, and not the one that we share with the shell.
+            # Opened again, so that only our descriptor does not block, and not the one shared with the shell.
             self._fd = os.open(os.ttyname(self._fd), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
         self.is_gone = False
         self.on_gone: Callable[[], None] | None = None
@@ -187,7 +187,7 @@ class TerminalWriter:
 
     @property
     def is_behind(self) -> bool:
-        """Whether the terminal has not yet taken what was written before."""
+        """Whether the terminal has not yet accepted earlier writes."""
         return (
             self._queued_writes - self._done_writes > self.MOST_WAITING
             or self._queued_characters - self._done_characters > self.MOST_CHARACTERS
@@ -229,7 +229,7 @@ class TerminalWriter:
         self._done_characters += len(text)
 
     def flush(self) -> None:
-        """Do nothing: no text is held back."""
+        """Do nothing: no text is buffered."""
 
     def fileno(self) -> int:
         """The descriptor of the terminal."""

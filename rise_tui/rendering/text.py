@@ -1,4 +1,4 @@
-"""Text for a screen: rows of styled pieces, fitted to cells. Pure; knows no widget."""
+"""Text for a screen: rows of styled pieces, fitted to cells. Pure, without widgets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rise_engine.base.typed_values import parse_typed_value as parse_typed_value
 TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
 """The meaning of a piece of text; the theme decides its look. Only `fault` and `alarm` are red.
 
-`call` is an amber `alarm`: somebody has to know, but nothing is wrong. `match`: a filter's match.
+`call` is an amber `alarm`: important, but no fault. `match`: a filter's match.
 """
 
 StyledSpan: TypeAlias = tuple[str, TextRole]
@@ -59,7 +59,7 @@ def shorten(text: str, width: int) -> str:
 
 
 def fit_end(text: str, width: int) -> str:
-    """Like `fit`, but a longer text is cut at the beginning: `…1, step 3`."""
+    """Like `fit`, but a longer text is cut at its start: `…1, step 3`."""
     text = clean(text)
     if width <= 0 or cell_len(text) <= width:
         return fit(text, width)
@@ -114,7 +114,7 @@ def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> S
 
 
 def crop(line: StyledLine, width: int) -> StyledLine:
-    """The line in at most `width` cells; it ends in `…` if something is cut."""
+    """The line in at most `width` cells; a longer one ends in `…`."""
     if line_width(line) <= width:
         return line
     kept: list[StyledSpan] = []
@@ -130,7 +130,7 @@ def crop(line: StyledLine, width: int) -> StyledLine:
 
 
 def align_at_both_ends(left: StyledLine, right: StyledLine, width: int) -> StyledLine:
-    """Two pieces at the two ends of a row. The left one is cut."""
+    """Two pieces at the two ends of a row. The left one is cut if necessary."""
     right = crop(right, width)
     room = width - line_width(right)
     left = crop(left, max(0, room - 1))
@@ -145,7 +145,7 @@ def heading_line(name: str, state: StyledSpan, right: StyledLine, width: int) ->
 
 
 def wrap(text: str, width: int) -> list[str]:
-    """A text on as many lines as it needs. A word longer than a line is cut."""
+    """A text on the lines that it needs. A word longer than a line is cut."""
     lines, line = [], ""
     for word in clean(text).split():
         if line and cell_len(line) + 1 + cell_len(word) > width:

@@ -62,7 +62,7 @@ _COLORS = {
 }
 """The colours of these themes. `background`, `surface`, `panel`: behind the screen, the panes on it, and dialogs.
 
-`colorblind` has blue, yellow and orange, which everybody can tell apart: no two of them differ only in red and green.
+`colorblind` has blue, yellow and orange, which everybody can distinguish: no two of them differ only in red and green.
 """
 
 
@@ -172,7 +172,7 @@ and on black."""
 
 THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, MONO, TERMINAL)
 WHITE, BLACK = "#ffffff", "#000000"
-"""The colours of a mark for cameras in every theme: the strongest contrast that a terminal can show."""
+"""The colours of a mark for cameras in every theme: the strongest contrast of a terminal."""
 NAMES = tuple(theme.name.removeprefix("rise-") for theme in THEMES)
 """The names for the command line: dark, light, contrast, colorblind, mono, terminal."""
 DEFAULT = "dark"

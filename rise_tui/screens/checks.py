@@ -1,6 +1,6 @@
-"""Before a session of a study: what will run, then the checks as one list. After it: only the checks.
+"""Before a session of a study: the next session, then the checks as one list. After it: only the checks.
 
-Esc leaves at every step, and nothing has happened. One press of a key is one answer: a held key does not answer unread
+Esc leaves at every step without any effect. One press of a key is one answer: a held key does not answer unread
 questions.
 """
 
@@ -26,7 +26,7 @@ from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 REPEAT_SECONDS = 0.7
-"""Seconds. A key that returns within this time is held down: keyboards repeat sooner than this."""
+"""Seconds. A key that repeats within this time is held down."""
 INTRO_KEYS = "enter: {next} · esc: back, nothing starts"
 CHECK_KEYS = "y yes · n no · r again · s skip · ↑↓ choose · esc back"
 
@@ -38,11 +38,11 @@ class CheckMaker(Protocol):
         """Make a check. A check that needs an answer returns a question. Never raises."""
 
     def note(self, check: StudyCheck, report: CheckReport) -> None:
-        """Write down a result, without waiting."""
+        """Write a result, without waiting."""
 
 
 class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
-    """The result: the reports of all checks, once nothing blocks and Enter was pressed; None: the wizard left."""
+    """The result: the reports of all checks, when nothing blocks and Enter was pressed; None: the wizard left."""
 
     DEFAULT_CSS = """
     ChecksScreen {
@@ -65,8 +65,8 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         wizard: str,
         intro: Sequence[StyledLine] = (),
     ) -> None:
-        """`go`: what Enter finally does, such as `begin the session of P07 in REAL`. `wizard`: who answers, by the name
-        in records. `intro`: the text before the checks."""
+        """`go`: the final effect of Enter, such as `begin the session of P07 in REAL`. `wizard`: the person who
+        answers, by the name in records. `intro`: the text before the checks."""
         super().__init__()
         self._title, self.checks, self._go, self._wizard = title, checks, go, wizard
         self._maker = maker
@@ -77,7 +77,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         self.answer_line = StaticLines(id="answer")
         self.reason_bar = PromptBar("reason for skipping: ", "goes into the record; esc cancels")
         self._answer = ""
-        """Why the last key had no effect, if it had none."""
+        """Why the last key had no effect; empty: it had one."""
         self._last_key, self._last_at = "", float("-inf")
         self._one_at_a_time = asyncio.Lock()
 
@@ -217,7 +217,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             self._maker.note(item.check, report)
 
     def _select_open(self) -> None:
-        """Put the cursor on the next check that waits for somebody."""
+        """Put the cursor on the next check that waits for a person."""
         self._draw()
         at = next((at for at, item in enumerate(self.checks.items) if item is self._selected), 0)
         if (index := self.checks.first_open(at)) is not None:

@@ -1,4 +1,4 @@
-"""The base of all dialogs: a question before something that cannot be undone, also about several items; and a form."""
+"""The base of all dialogs: a question before a permanent change, also about several items; and a form."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from rise_tui.model.resumption import (
 
 
 class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType]):
-    """A modal screen whose second `dismiss` does nothing.
+    """A modal screen whose second `dismiss` has no effect.
 
-    The stock one removes whatever is on top. A second key before it has gone would remove the console below.
+    Textual's own removes the top screen. A second key before the screen has gone would remove the console below.
     """
 
     def dismiss(self, result: ScreenResultType | None = None) -> AwaitComplete:
@@ -43,7 +43,7 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
 
 
 class TitledBox(Vertical):
-    """Contains what is composed inside it. Its dialog sets its size (`#box`)."""
+    """Contains the widgets composed inside it. Its dialog sets its size (`#box`)."""
 
     DEFAULT_CSS = """
     TitledBox {
@@ -53,7 +53,7 @@ class TitledBox(Vertical):
     """
 
     def __init__(self, title: str, keys: str = "") -> None:
-        """`keys`: what the keys do, in a few words; empty if buttons show it."""
+        """`keys`: the effects of the keys, in a few words; empty: buttons show them."""
         super().__init__(id="box")
         self.border_title = f" {title} "
         self.border_subtitle = f" {keys} " if keys else None
@@ -92,12 +92,12 @@ class FormDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]
             yield field
 
     def say(self, sentence: str) -> None:
-        """Show what is missing, below the fields."""
+        """Show the missing parts, below the fields."""
         self.query_one("#answer", Static).update(sentence)
 
 
 class Dialog(SingleDismissModal[str]):
-    """Asks a question; the result is the key of the chosen answer, empty for none."""
+    """Asks a question. The result is the key of the chosen answer, empty for none."""
 
     DEFAULT_CSS = """
     Dialog {
@@ -124,7 +124,7 @@ class Dialog(SingleDismissModal[str]):
         default: str = "",
         repeat_keys: Sequence[str] = (),
     ) -> None:
-        """`default`: the key of the answer that Enter chooses; without it, Enter chooses none.
+        """`default`: the key of the answer for Enter; without it, Enter chooses none.
 
         `repeat_keys`: the keys that opened the question. Pressed again, they give the first answer. A held key that
         repeats is not a second press.
@@ -170,12 +170,12 @@ class Dialog(SingleDismissModal[str]):
         self.action_answer(self._answers[0].key)
 
     def action_answer(self, key: str) -> None:
-        """Take the first answer. Later keys do nothing."""
+        """Take the first answer. Later keys have no effect."""
         if not self._withdrawn:
             self.dismiss(key)
 
     def withdraw(self) -> bool:
-        """Close without an answer, at the latest when nothing covers it. False if this was already requested."""
+        """Close without an answer, at the latest when nothing covers it. False: this was already requested."""
         if self._withdrawn:
             return False
         self._withdrawn = True
@@ -184,7 +184,7 @@ class Dialog(SingleDismissModal[str]):
 
     def on_screen_resume(self) -> None:
         if self._withdrawn:
-            self.dismiss("")  # works only once it is on top
+            self.dismiss("")  # works only when it is on top
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
@@ -197,7 +197,7 @@ def _id(key: str) -> str:
 
 
 LINES_AROUND = 12
-"""Rows of the terminal that the dialog needs besides its lines and choices."""
+"""Rows of the terminal for the dialog besides its lines and choices."""
 
 
 class Choice(NamedTuple):
@@ -320,7 +320,7 @@ NOTHING = "no memory key has changed since"
 
 
 class StepBackDialog(ChoicesDialog):
-    """Asks about a step back. By default memory keys are taken back, and acts go on."""
+    """Asks about a step back. By default memory keys are taken back, and acts continue."""
 
     def __init__(self, lines: Sequence[str], step: BackStep) -> None:
         choices = [Choice(key, (BACK, KEEP)) for key in step.keys]

@@ -1,4 +1,4 @@
-"""The help: every key and what it does, from the registry and the scenario. Typing searches."""
+"""The help: all keys with their effects, from the registry and the scenario. Typing searches."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SCENARIO, IDEAS = "Keys of this scenario", "How it works"
 
 
 class HelpEntry(NamedTuple):
-    """One entry of the help. It is found and shown as a whole, however many lines it takes."""
+    """One entry of the help. It is found and shown as a whole, on the lines that it needs."""
 
     group: str
     keys: str
     title: str
     text: str
     is_blocked: bool = False
-    """Whether it cannot be used now; the text gives the reason."""
+    """Whether it cannot be used now. The text gives the reason."""
 
 
 def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEntry]:
@@ -148,7 +148,7 @@ def searched_text(entry: HelpEntry) -> str:
 
 
 def help_rows(found: Sequence[HelpEntry], width: int, wanted: Filter | None = None) -> list[ListRow]:
-    """Groups under their titles, with each entry on as many lines as it needs."""
+    """Groups under their titles, with each entry on the lines that it needs."""
     made: list[ListRow] = []
     for group, members in groupby(found, key=lambda entry: entry.group):
         if made:

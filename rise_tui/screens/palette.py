@@ -1,4 +1,4 @@
-"""Lists that are searched while typing, and the command palette: some letters, and Enter carries the command out."""
+"""Lists that are searched while typing, and the command palette: some letters, and Enter carries out the command."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultTyp
         """Show the matches of the typed text."""
 
     def typed_filter(self) -> Filter | None:
-        """The typed text as a filter; None while it is empty or not valid."""
+        """The typed text as a filter; None: empty or invalid."""
         try:
             return Filter(self.search.value) or None
         except InvalidFilter:
@@ -133,7 +133,7 @@ class PaletteCommand(NamedTuple):
 def palette_commands(
     store: Store, scope: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
 ) -> Iterator[PaletteCommand]:
-    """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
+    """The focused pane's actions, the inputs that rules wait for, all other actions, acts, rules."""
     titles = dict(KEY_SCOPES)
     own = [action for action in ACTIONS if action.scope == scope]
     rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id != "palette"]
@@ -218,7 +218,7 @@ class PaletteHit(NamedTuple):
 
 
 def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
-    """The matches of the typed text, the best first; all commands in order if the text is empty or not valid."""
+    """The matches of the typed text, the best first; all commands in order if the text is empty or invalid."""
     try:
         wanted = Filter(typed)
         if not wanted:

@@ -21,7 +21,7 @@ REFRESH_SECONDS = 0.5
 
 
 class DetailScreen(SingleDismissModal[str]):
-    """Shows rows until the wizard leaves; the result is the pressed letter, empty for none."""
+    """Shows rows until the wizard leaves. The result is the pressed letter, empty for none."""
 
     DEFAULT_CSS = """
     DetailScreen {
@@ -38,7 +38,7 @@ class DetailScreen(SingleDismissModal[str]):
         letters: Sequence[tuple[str, str]] = (),
         step: Callable[[int], None] | None = None,
     ) -> None:
-        """`rows` makes the rows for a width. `letters`: keys with what they do, in a word or two.
+        """`rows` makes the rows for a width. `letters`: keys with their effects, in a word or two.
 
         `step`: goes to the previous (-1) or next (1) text, with the left and right arrows; without it there is only
         one.
@@ -114,8 +114,8 @@ class ReportScreen(SingleDismissModal[None]):
     def __init__(self, sessions: Sequence[ReportOf], make: Callable[[str], Document]) -> None:
         """
         :param sessions: the sessions whose reports can be read; the last one is shown first.
-        :param make: the report of a session by its folder's name; it may take long, and raises RiseError with a
-            sentence. It is called off the loop.
+        :param make: makes the report of a session by its folder's name; may take long, raises RiseError with a
+            sentence, and is called off the loop.
         """
         super().__init__()
         self._sessions, self._make = list(sessions), make
@@ -152,7 +152,7 @@ class ReportScreen(SingleDismissModal[None]):
     async def _read(self, folder: str) -> None:
         try:
             self._document = await asyncio.to_thread(self._make, folder)
-        except Exception as error:  # any error: a report must not close the screen of a study
+        except Exception as error:  # after any error: a report must not close the screen of a study
             self._show(["", *(f" {line}" for line in wrap(f"there is no report: {error}", self._width - 2))])
             return
         await self._lay_out(self._document)

@@ -1,4 +1,4 @@
-"""The forms about a session: a word before it ends, its outcome, what to rehearse, and who sits at the console."""
+"""The forms about a session: a word before it ends, its outcome, the choice of a rehearsal, and the wizard's name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NOT_THE_WORD = f"that is not the word {CONFIRMING_WORD}: the session goes on"
 
 
 class EndSessionDialog(FormDialog[bool]):
-    """The result: whether to end the session. Esc leaves it and does nothing."""
+    """The result: whether to end the session. Esc leaves without effect."""
 
     AUTO_FOCUS = "#word"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
@@ -53,7 +53,7 @@ class EndSessionDialog(FormDialog[bool]):
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
-    """The question before the session ends permanently. `then`: what comes after it; empty: nothing."""
+    """The question before the session ends permanently. `then`: the next step; empty: none."""
     participant = participant_text(store)
     lines = [session_title(store), *running_lines(store), ""]
     lines += ["What runs is stopped, and the session ends permanently.", "It cannot be continued."]
@@ -80,7 +80,7 @@ class Outcome(NamedTuple):
 
 
 class OutcomeDialog(FormDialog[Outcome | None]):
-    """Asks for the outcome. Nothing is chosen first. Esc leaves, and nothing has happened."""
+    """Asks for the outcome. Nothing is chosen at first. Esc leaves without effect."""
 
     AUTO_FOCUS = "#outcome"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -153,7 +153,7 @@ class OutcomeDialog(FormDialog[Outcome | None]):
             self.say(NOT_THE_WORD)
 
     def _problem(self) -> str:
-        """What is still missing; the cursor goes there."""
+        """The missing part, to which the cursor goes."""
         if not self.choice.value:
             self.set_focus(self.choice)
             return CHOOSE

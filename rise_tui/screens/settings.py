@@ -37,7 +37,7 @@ def condition_labels(conditions: Mapping[str, Condition]) -> dict[str, str]:
 
 
 class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
-    """The result: a valid scenario, once the wizard has confirmed a new session with it."""
+    """The result: a valid scenario, after the wizard has confirmed a new session with it."""
 
     DEFAULT_CSS = """
     SettingsScreen {
@@ -96,7 +96,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
     @on(Input.Changed)
     @on(ChoiceField.Changed)
     def _show_changes(self) -> None:
-        """Show what applying would do, until it is applied."""
+        """Show the effect of applying, until it is applied."""
         chosen = self.chosen_options()
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
@@ -113,7 +113,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         return clean(" · ".join(filter(None, (chosen.participant, condition))) or "nobody named")
 
     def _differences(self, chosen: SessionOptions) -> list[tuple[str, str, str]]:
-        """What is chosen and differs from now: name, now, then."""
+        """The chosen differences from now: name, now, then."""
         pairs = [("folder", self._settings.folder, self._folder)]
         if self._is_running_folder(self._folder):
             pairs = []
@@ -130,7 +130,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
     def chosen_options(self) -> SessionOptions:
-        """The options from the fields: exactly what is shown runs. The scenario's own paths stay the scenario's."""
+        """The options from the fields: exactly the shown ones run. The scenario's own paths stay the scenario's."""
         folder = self._folder
         paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
         before = self._settings.paths if self._is_running_folder(folder) else {}
@@ -186,7 +186,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         if not folder:
             self.findings.update("refused; nothing has changed:\nenter a folder")
             return
-        self._apply_next = folder != self._folder_read  # then it is being read: show it, then apply it
+        self._apply_next = folder != self._folder_read  # it is being read: show it, then apply it
         self.findings.update("reading …")
         if not self._apply_next:
             self._load(self.chosen_options())

@@ -80,7 +80,7 @@ class TooSmallScreen(SingleDismissModal[None]):
 
 
 def show_when_too_small(app: App[object], store: Store | None) -> None:
-    """Say what is needed when the window is too small for a console. `store`: None while no session runs."""
+    """Show the required size if the window is too small for a console. `store`: None: no session runs."""
     if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
         app.push_screen(TooSmallScreen(store))
 
@@ -200,13 +200,13 @@ STEPS = (
 
 
 def is_tour_due(store: Store) -> bool:
-    """Whether this is a good moment for the tour: a wizard's own session that has only just begun."""
+    """Whether this is a good moment for the tour: a wizard's own session that has just begun."""
     quiet = not (store.gone_reason or store.attach_reply.is_recorded or store.view.tasks or store.view.stop.latched)
     return quiet and store.has_control and store.attach_reply.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
 class TourScreen(SingleDismissModal[None]):
-    """Shows the tour. Enter or right goes on, left goes back, Esc ends it. Otherwise only stopping and leaving work."""
+    """Shows the tour. Enter or right goes on, left goes back, Esc ends it. Other keys only stop or leave."""
 
     DEFAULT_CSS = """
     TourScreen { background: transparent; }

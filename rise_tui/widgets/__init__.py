@@ -1,1 +1,1 @@
-"""Widgets that take data and post messages. None of them knows the app."""
+"""Widgets that take data and post messages. None of them uses the app."""

@@ -1,4 +1,4 @@
-"""The console's own bars: status, speech, notice, the study's keys, key hints, and those that nobody can miss."""
+"""The console's own bars: status, speech, notice, the study's keys, key hints, and alarms."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NOTICE_GLYPHS: dict[str, tuple[str, TextRole]] = {
 
 
 class StatusLine(StoreLines):
-    """The top line: what runs, in which mode, on which robot, since when, and whether keys start anything."""
+    """The top line: the running session, its mode, robot and time, and whether keys start anything."""
 
     DEFAULT_CSS = "StatusLine { background: $rise-bar; }"
 
@@ -52,7 +52,7 @@ class StatusLine(StoreLines):
 class NoticeLine(StoreLines):
     """One sentence: a rejection, a fault, an answer to a key, or that a filler is due.
 
-    A longer sentence takes two or three lines, because nobody could ask for a cut end.
+    A longer sentence takes two or three lines, because a cut end could not be shown later.
     """
 
     def draw(self) -> None:
@@ -120,7 +120,7 @@ class KeyHints(StaticLines):
         self.show_pieces(pieces)
 
     def draw_typing(self, store: Store, enter: str) -> None:
-        """Draw the hints for a text field: no key starts anything, but the stop key works. `enter`: what Enter does."""
+        """Draw the hints for a text field, in which only the stop key works. `enter`: the effect of Enter."""
         self.show_pieces(
             [
                 (_stop_hint(store), "stop"),
@@ -131,7 +131,7 @@ class KeyHints(StaticLines):
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
 
     def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
-        """Draw the hints for free speech: what each of its two keys would do."""
+        """Draw the hints for free speech: the effect of each of its two keys."""
         room = max(12, (self.size.width - 44) // 2)
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
@@ -185,7 +185,7 @@ def _filler_offer(store: Store) -> StyledLine:
 
 
 def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
-    """The hint line's word for an action; empty if the action means nothing in this session."""
+    """The hint line's word for an action; empty: no meaning in this session."""
     if action.id == "filler":
         filler = next_filler_name(store) or ""
         if width < NARROW:  # `Hm` for `R_Filler_Hm`
@@ -216,7 +216,7 @@ def _key_and_text(key: str, what: str) -> list[StyledSpan]:
 
 
 class SpeechBand(StoreLines):
-    """The robot's sentence, in every terminal size, and what comes next if nobody does anything."""
+    """The robot's sentence, in every terminal size, and the next steps without any input."""
 
     DEFAULT_CSS = "SpeechBand { height: 2; background: $surface; }"
 
@@ -264,14 +264,14 @@ class KeyStrip(StoreLines):
 
 
 LEAST_ROWS = 5
-"""Lines for a failed act on the smallest terminal: which act, why, two for what was not said, the keys."""
+"""Lines for a failed act on the smallest terminal: the act, the reason, two for unspoken text, the keys."""
 ROW_SHARE = 4
 """A failed act takes at most one row of this many: the band above also has its first sentence, and panes stay
 visible."""
 
 
 class ShadowBar(StoreLines):
-    """Shown while a second wizard, whose keys reach nobody, gets the cues of a recorded session."""
+    """Shown while a second wizard, whose keys have no effect, gets the cues of a recorded session."""
 
     DEFAULT_CSS = """
     ShadowBar { height: 1; background: $accent 25%; display: none; }
@@ -286,7 +286,7 @@ class ShadowBar(StoreLines):
 
 
 class AlarmBar(StoreLines):
-    """Shown while something is wrong that every wizard must know."""
+    """Shown while there is a fault that every wizard must know."""
 
     DEFAULT_CSS = """
     AlarmBar { height: auto; background: $error 18%; display: none; }
@@ -307,7 +307,7 @@ class AlarmBar(StoreLines):
 
 
 class AttentionBar(StoreLines):
-    """One-row lines: somebody asks for or has taken control, a robot works only partly, a camera does not record."""
+    """One-row lines: a question about control or its loss, a degraded robot, a recorder that does not record."""
 
     DEFAULT_CSS = """
     AttentionBar { height: 1; background: $warning 18%; display: none; }
@@ -352,7 +352,7 @@ def _degraded_line(store: Store) -> StyledLine:
 
 
 class FailureBar(StoreLines):
-    """A failed act, and what was not said. It stays until somebody answers it, or the act is repeated."""
+    """A failed act and its unspoken text. It stays until it is answered, or the act is repeated."""
 
     DEFAULT_CSS = """
     FailureBar { height: auto; background: $error 18%; display: none; }

@@ -1,4 +1,4 @@
-"""Fields to type in: a bare line, a bar below a pane, a remark; and to choose from: what was wrong, a few words."""
+"""Fields to type in (a line, a bar below a pane, a remark) and to choose from (the kind of mistake, words)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class TextField(Input):
 
 
 class EndingSuggester(Suggester):
-    """Shows a likely ending in grey after what is typed."""
+    """Shows a likely ending in grey after the typed text."""
 
     def __init__(self, ending: Callable[[str], str]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
@@ -49,7 +49,7 @@ class EndingSuggester(Suggester):
 
 
 class PromptBar(Horizontal):
-    """A bar, hidden and empty until it is opened. Every pane has one. Messages tell its opener of Esc and Enter."""
+    """A bar, hidden and empty until it is opened. Every pane has one. Messages report Esc and Enter to its opener."""
 
     DEFAULT_CSS = """
     PromptBar {
@@ -120,7 +120,7 @@ class PromptBar(Horizontal):
 
 
 class NoteLine(TextField):
-    """Replaces the notice while it is open. Text that was not accepted returns the next time."""
+    """Replaces the notice while it is open. A text that was not accepted returns the next time."""
 
     DEFAULT_CSS = """
     NoteLine, NoteLine:focus {
@@ -177,7 +177,7 @@ class ChoiceField(Horizontal, can_focus=True):
     """One of a few words, and one stop for the Tab key. Left and right choose, and so does a click; Enter chooses
     nothing.
 
-    If not all words fit side by side, only the chosen one is shown, with its number and the total.
+    If the words do not fit side by side, only the chosen one is shown, with its number and the total.
     """
 
     DEFAULT_CSS = """
@@ -260,12 +260,12 @@ class ChoiceField(Horizontal, can_focus=True):
 
 
 class OpenChoice(ChoiceField):
-    """A choice with nothing chosen first. The first key chooses the first word."""
+    """A choice with nothing chosen at first. The first key chooses the first word."""
 
     def on_key(self, event: events.Key) -> None:
         if self.value not in self._words and event.key in ("left", "right"):
             event.stop()
-            event.prevent_default()  # else the base class would move to the next word
+            event.prevent_default()  # otherwise the base class would move to the next word
             self._choose(self._words[0])
 
 
@@ -281,7 +281,7 @@ def is_mark_key(key: str) -> bool:
 
 
 class MistakeLine(StoreLines, can_focus=True):
-    """Replaces the notice. A key that is not its own closes it and has its usual effect."""
+    """Replaces the notice. A foreign key closes it and has its usual effect."""
 
     DEFAULT_CSS = """
     MistakeLine { background: $rise-cursor; display: none; }
@@ -290,7 +290,7 @@ class MistakeLine(StoreLines, can_focus=True):
 
     @dataclass
     class EndMarking(Message):
-        """The line has closed. The focus returns to its former place."""
+        """The line was closed. The focus returns to its former place."""
 
         back: Widget | None
         """The widget that had the focus before."""

@@ -1,7 +1,7 @@
-"""Lines of text and lists of rows that change often: a change repaints those that differ, without a new layout.
+"""Lines of text and lists of rows that change often: a change repaints only differences, without a new layout.
 
-Here alone the roles of `rise_tui.rendering.text` become colours, through theme variables. Roles and backgrounds also
-have attributes (`rise-<name>-style`), the only styles of a theme without colours.
+Only this module turns the roles of `rise_tui.rendering.text` into colours, through theme variables. Roles and
+backgrounds also have attributes (`rise-<name>-style`), the only styles of a theme without colours.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND = "rise-cursor", "rise-cursor-awa
 class StyledLines(Widget):
     """A widget that paints lines of styled text.
 
-    The styles are not component classes. Textual computes those for each widget whenever it styles it, which took a
-    third of a console's start time.
+    The styles are not component classes, which Textual computes whenever it styles a widget. That took a third of a
+    console's start time.
     """
 
     _styles_by_background: dict[str, dict[TextRole, Style]] | None = None
@@ -111,7 +111,7 @@ class StaticLines(StyledLines):
         self.lines: tuple[StyledLine, ...] = ()
 
     def show(self, *lines: StyledLine) -> None:
-        """Show these lines. Only those that differ are repainted."""
+        """Show these lines. Only different ones are repainted."""
         old, self.lines = self.lines, lines
         for y in range(max(len(old), len(lines))):
             before = old[y] if y < len(old) else ()
@@ -144,7 +144,7 @@ class StoreLines(StaticLines):
 
 
 DISPLACED_SECONDS = 0.7
-"""Seconds after the cursor's row has vanished in which nobody can have read the row now under the cursor."""
+"""Seconds after the cursor's row has vanished in which the row now under the cursor cannot have been read."""
 
 
 class RowView(ScrollView, StyledLines, can_focus=True):
@@ -182,7 +182,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         self.displaced_at = float("-inf")
         """When the cursor's row last vanished, so that the cursor moved to another, on the monotonic clock."""
         self.continuation: RowView | None = None
-        """A list below that cannot take the focus. It scrolls when this list has nothing further on."""
+        """A list below that cannot take the focus. It scrolls when this list has nothing further."""
 
     @property
     def was_just_displaced(self) -> bool:
@@ -210,7 +210,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
 
     @property
     def allow_vertical_scroll(self) -> bool:
-        """Allow scrolling even before the scrollbar of a list that has just grown is laid out."""
+        """Allow scrolling even before the scrollbar of a grown list is laid out."""
         return True
 
     def render_line(self, y: int) -> Strip:
@@ -311,7 +311,7 @@ class RowList(RowView):
         return "\n".join(plain_text(row.line).rstrip() for row in self._rows)
 
     def show(self, rows: Sequence[ListRow]) -> None:
-        """Show these rows. Only those that differ are repainted."""
+        """Show these rows. Only different ones are repainted."""
         old, self._rows = self._rows, rows
         before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
         found = self._index_of(current) if current else None

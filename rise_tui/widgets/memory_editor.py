@@ -1,6 +1,6 @@
 """Edits a key and its value in their row. The type shows while typing.
 
-When the value changes in the meantime, a second row reports it, and Enter must be pressed again.
+When the value changes meanwhile, a second row reports it, and Enter must be pressed again.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from rise_tui.widgets.lines import StaticLines
 
 
 class PresentValue(NamedTuple):
-    """A present value, and who set it."""
+    """A present value, and its source."""
 
     text: str
-    """Empty: there is none."""
+    """Empty: none."""
     source: str = ""
 
 
@@ -107,7 +107,7 @@ class RowEditor(Vertical):
         return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
 
     def _conflicting_value(self) -> PresentValue | None:
-        """The key's present value, if it is no longer the one that was to be edited; None without a conflict."""
+        """The key's present value, if it differs from the one to be edited; None: no conflict."""
         key = self._key_meant
         if not key:
             return None
@@ -115,7 +115,7 @@ class RowEditor(Vertical):
         return None if now.text == self._before.text else now
 
     def draw(self) -> None:
-        """Show what the value would be, and whether the memory has changed since the editor was opened."""
+        """Show the future value, and whether the memory has changed since the editor was opened."""
         _, kind, remark = parse_typed_value(self._value.value)
         self.type_line.show(_type_line(kind, remark, self.type_line.size.width) if remark else ((kind, "accent"),))
         now = self._conflicting_value()
@@ -167,7 +167,7 @@ class RowEditor(Vertical):
 
 
 def _type_line(kind: str, remark: str, width: int) -> StyledLine:
-    """The type, and why it is not what it looks like, in as many words as fit."""
+    """The type, and why it differs from its look, in as many words as fit."""
     ways: tuple[StyledLine, ...] = (
         ((kind, "accent"), (f"  {remark}", "wait")),
         ((kind, "accent"), ("  not JSON", "wait")),

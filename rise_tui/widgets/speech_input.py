@@ -30,7 +30,7 @@ from rise_tui.widgets.fields import EndingSuggester, TextField
 from rise_tui.widgets.lines import StaticLines
 
 DONE_SECONDS = 5.0
-"""Seconds for which the line shows that something was said."""
+"""Seconds for which the line shows that something was spoken."""
 PROMPT = " say > "
 SAID = StateLabel("✓", "said", "plain")
 
@@ -81,7 +81,7 @@ class SpeechField(TextField):
 
 
 class SpeechInput(Vertical):
-    """Free speech: typed here, shown as it will be said, sent, and followed to its end."""
+    """Free speech: typed here, shown in its final form, sent, and followed to its end."""
 
     DEFAULT_CSS = """
     SpeechInput {
@@ -96,7 +96,7 @@ class SpeechInput(Vertical):
 
     @dataclass
     class Speak(Message):
-        """Say this: `typed` is the text in the field, `text` has the memory's values filled in."""
+        """Speak this: `typed` is the text in the field, `text` has the memory's values filled in."""
 
         typed: str
         text: str
@@ -104,7 +104,7 @@ class SpeechInput(Vertical):
 
     @dataclass
     class ReturnFocus(Message):
-        """Nothing is typed any more. `back` had the focus before."""
+        """Typing has ended. `back` had the focus before."""
 
         back: Widget | None
 
@@ -134,7 +134,7 @@ class SpeechInput(Vertical):
 
     @property
     def effect(self) -> SpeechEffect:
-        """What saying something would do now."""
+        """The effect of speaking now."""
         return speech_effect(self._store.scenario, self._store.view)
 
     def suggest(self, typed: str) -> str:
@@ -166,7 +166,7 @@ class SpeechInput(Vertical):
         self.draw()
 
     def draw(self) -> None:
-        """Draw what will be said, or the state of what was."""
+        """Draw the text to be spoken, or the state of the last one."""
         width = self.size.width
         if self.is_open:
             self.prompt.show(((PROMPT, "accent"),))
@@ -183,7 +183,7 @@ class SpeechInput(Vertical):
         return (("  will say  ", "muted"), (f"“{text}”", "strong"))
 
     def _status_line(self) -> StyledLine:
-        """The line's text: sent, waiting, running or just said; else the draft, or how to begin."""
+        """The line's text: sent, waiting, running or just spoken; otherwise the draft, or how to begin."""
         store = self._store
         sent = next((sent for sent in reversed(store.sent.values()) if sent.function == "say"), None)
         if sent is not None:

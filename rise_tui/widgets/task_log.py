@@ -55,7 +55,7 @@ class TaskLog(RowView):
         self._lines.clear()
 
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
-        """Show these rows, ascending. A list that was shown before has only grown at its end, unless `restart`.
+        """Show these ascending rows. A list that was shown before has only grown at its end, unless `restart`.
 
         With another list, the visible rows stay visible, and the cursor stays on its task.
         """

@@ -19,19 +19,19 @@ from rise_engine.ports.outlet import OutletPlan
 from rise_engine.run.recording.marker_feed import MarkerFeed, MarkerStream
 
 CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
-"""The places where the library looks for a lab's settings, after the variable `LSLAPICFG`
+"""The places of a lab's settings for the library, after the variable `LSLAPICFG`
 (https://labstreaminglayer.readthedocs.io/info/lslapicfg.html)."""
 KEPT_SECTIONS = ("lab", "ports", "tuning")
 """The lab's sections that stay. With another session id, the lab's programs would not see the stream."""
 CLOCK_LOOKS = 20
-"""How often the two clocks are compared. The fastest comparison counts."""
+"""Number of comparisons of the two clocks. The fastest one counts."""
 
 
 async def send_markers(plan: OutletPlan, finish: Event) -> None:
     """Send a session's markers (`rise_engine.ports.outlet.OutletRunner`).
 
-    Call it once in a process, because the library reads its settings only once. Raises AdapterError, and EngineGone
-    when there is no such session, or its engine goes without an end.
+    Call it once in a process, because the library reads its settings only once. Raises AdapterError, and EngineGone if
+    there is no such session, or its engine goes without an end.
     """
     pylsl = _load_library()
 
@@ -39,7 +39,7 @@ async def send_markers(plan: OutletPlan, finish: Event) -> None:
         try:
             pylsl.set_config_content(library_settings(plan.scope))
             return LslOutlet(pylsl, stream, only_here=plan.scope == "machine")
-        except (AttributeError, RuntimeError, OSError, ValueError) as error:  # an old library has no such setting
+        except (AttributeError, RuntimeError, OSError, ValueError) as error:  # an old library lacks this setting
             raise AdapterError(f"the Lab Streaming Layer does not start: {error}") from error
 
     await MarkerFeed(plan, open_stream).run(finish)
@@ -59,7 +59,7 @@ class LslOutlet:
         self._offset = clock_offset(pylsl.local_clock)
         self._outlet = pylsl.StreamOutlet(info)
         self.is_bound = only_here and bind_to_loopback()
-        """Whether no other computer can connect, not even one that knows the port."""
+        """Whether other computers cannot connect, even if they know the port."""
 
     def send(self, text: str, at: float) -> None:
         self._outlet.push_sample([text], at + self._offset)
@@ -68,7 +68,7 @@ class LslOutlet:
         return bool(self._outlet.have_consumers())
 
     def close(self) -> None:
-        del self._outlet  # this is how pylsl removes it
+        del self._outlet  # pylsl closes a stream this way
 
 
 def library_settings(scope: str) -> str:
@@ -114,26 +114,26 @@ def clock_offset(local_clock: Any) -> float:
 def bind_to_loopback() -> bool:
     """Restrict this process's open ports to the loopback. False if the system cannot.
 
-    The library's scope `machine` decides who hears of a stream, but its ports are open to every network.
+    The library's scope `machine` limits only the announcement of a stream; its ports are open to every network.
     """
     if not sys.platform.startswith("linux"):
         return False
     found = False
     for descriptor in Path("/proc/self/fd").iterdir():
-        with suppress(OSError, ValueError):  # not a socket, or closed in the meantime
+        with suppress(OSError, ValueError):  # not a socket, or closed meanwhile
             opened = socket.socket(fileno=int(descriptor.name))
             try:
                 if opened.family in (socket.AF_INET, socket.AF_INET6):
                     opened.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
                     found = True
             finally:
-                opened.detach()  # it is the library's, and stays open
+                opened.detach()  # the library owns it, and it stays open
     return found
 
 
 def _load_library() -> ModuleType:
     try:
-        pylsl = import_module("pylsl")  # an extra; its import loads its library
+        pylsl = import_module("pylsl")  # an extra; the import loads its library
     except ImportError:
         raise AdapterError('markers for the Lab Streaming Layer need pylsl: pip install "rise-tui[lsl]"') from None
     except (RuntimeError, OSError) as error:

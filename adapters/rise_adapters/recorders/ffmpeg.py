@@ -1,7 +1,7 @@
 """Cameras and microphones of this computer, through the program ffmpeg (https://ffmpeg.org/ffmpeg.html).
 
-It records Matroska, which stays readable up to its last second even when the program is killed; an MP4 file does not.
-SIGINT makes the program complete the file and end.
+It records Matroska, which, unlike MP4, stays readable up to its last second if the program is killed. SIGINT makes the
+program complete the file and end.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BEGIN_SECONDS = 4.0
 """Seconds that `start` waits for the first sign of a recording. After that, `status` watches the file's growth."""
 _INPUT_FORM = 'input = ["-f", "v4l2", "-i", "/dev/video0"]'
 _MATROSKA = ("-flush_packets", "1", "-cluster_time_limit", "1000", "-f", "matroska")
-"""Write every second. Otherwise it is every 5 s, in which nobody could tell whether the recording has stalled."""
+"""Write every second. With the default of 5 s, a stall could not be detected sooner."""
 _OWN = ("-y", "-n", "-progress", "-nostdin", "-stdin")
 
 
@@ -38,7 +38,7 @@ class FfmpegRecorder:
         :param name: the recorder's name, a part of the file's name.
         :param options: `input` (arguments with `-i`), `output` (arguments for the codecs), `kind` (video, audio),
             `program`.
-        :raises RecorderError: with all mistakes.
+        :raises RecorderError: with all errors.
         """
         self.name = name
         read = OptionReader(options, ("input", "output", "kind", "program"))
@@ -94,7 +94,7 @@ class FfmpegRecorder:
         return str(path)
 
     async def status(self) -> RecorderStatus:
-        """The size of its file, and the program's own report of its progress."""
+        """The size of its file, and the progress that the program reports."""
         run, path = self._run, self._path
         assert run is not None and path is not None
         if not run.runs:
@@ -120,7 +120,7 @@ class FfmpegRecorder:
         return str(path)
 
     async def close(self) -> None:
-        """Make sure that nothing continues."""
+        """Kill the program if it still runs."""
         if self._run is not None:
             self._run.close()
 

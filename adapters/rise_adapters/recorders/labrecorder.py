@@ -1,8 +1,8 @@
 """LabRecorder, which records the streams of a lab (LSL) to one XDF file, over its remote control: lines on TCP.
 
 https://github.com/labstreaminglayer/App-LabRecorder. Its answer `OK` (without a line end) means only that it has read a
-command, and no command asks for its state. This module therefore checks the file. The remote control turns the given
-name into lower case, and renames an existing file, so each recording gets a new name.
+command, and no command returns its state. So this module checks the file. The remote control changes the given name to
+lower case and renames an existing file, so each recording gets a new name.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rise_engine.scenario.model import Json
 
 USUAL_PORT = 22345
 ANSWER_SECONDS = 2.0
-"""Seconds to wait for one answer."""
+"""Time limit in seconds of one answer."""
 UPDATE_SECONDS = 2.0
 """Seconds from the request to look for streams until the existing ones are found."""
 FILE_SECONDS = 1.5
@@ -31,13 +31,13 @@ class LabRecorder:
     """One LabRecorder. Each call opens its own connection."""
 
     kind: MediaKind = "streams"
-    stalled_after = 12.0  # without fast streams it writes every 5 to 10 s
+    stalled_after = 12.0  # without fast streams, it writes every 5 to 10 s
 
     def __init__(self, name: str, options: Mapping[str, Json]) -> None:
         """
         :param name: the recorder's name, a part of the file's name.
         :param options: `host`, `port`, and on another computer `folder`, the file's folder there.
-        :raises RecorderError: with all mistakes.
+        :raises RecorderError: with all errors.
         """
         self.name = name
         read = OptionReader(options, ("host", "port", "folder"))
@@ -80,7 +80,7 @@ class LabRecorder:
         return self._path
 
     async def status(self) -> RecorderStatus:
-        """The size of its file. On another computer, only whether LabRecorder still answers."""
+        """The size of its file. On another computer, only whether LabRecorder answers."""
         if self._is_here:
             return RecorderStatus(True, bytes=size_of(Path(self._path)) or 0, path=self._path)
         _, writer = await self._connect()
@@ -118,7 +118,7 @@ class LabRecorder:
         )
 
     async def _send(self, *commands: str) -> None:
-        """Send commands one after the other, each once the previous one was read. Raises RecorderError."""
+        """Send commands in order, each after the previous one was read. Raises RecorderError."""
         reader, writer = await self._connect()
         try:
             for command in commands:

@@ -2,7 +2,7 @@
 
 Its protocol: https://github.com/obsproject/obs-websocket. OBS names its file itself and reports the name in the event
 `RecordStateChanged`. The time of that event is not the time of the first frame. OBS listens on every network of the
-computer, so it has a password. This module reads it from a file, because study.toml is passed on to others.
+computer, so it has a password. This module reads the password from a file, because study.toml is shared.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 USUAL_URL = "ws://127.0.0.1:4455"
 ANSWER_SECONDS = 3.0
-"""Seconds to wait for one answer."""
+"""Time limit in seconds of one answer."""
 FILE_SECONDS = 1.5
-"""Seconds that `stop` waits until OBS reports that its file is complete."""
+"""Seconds that `stop` waits until OBS reports a complete file."""
 _OUTPUT_EVENTS = 1 << 6
 _HELLO, _IDENTIFY, _IDENTIFIED, _EVENT, _REQUEST, _RESPONSE = 0, 1, 2, 5, 6, 7
 _AUTHENTICATION_FAILED = 4009
@@ -37,7 +37,7 @@ _LARGEST_MESSAGE = 4_000_000
 
 
 class ObsRecorder:
-    """One OBS. If the connection is cut, the next call connects again. OBS continues to record in the meantime."""
+    """One OBS. If the connection is cut, the next call connects again. OBS continues to record meanwhile."""
 
     kind: MediaKind = "video"
     stalled_after = 3.0
@@ -46,7 +46,7 @@ class ObsRecorder:
         """
         :param name: the recorder's name.
         :param options: `url`, `password_file`.
-        :raises RecorderError: with all mistakes.
+        :raises RecorderError: with all errors.
         """
         read = OptionReader(options, ("url", "password_file"))
         self.url = read.text("url", USUAL_URL)
@@ -71,10 +71,10 @@ class ObsRecorder:
         return f"OBS {clean(str(version.get('obsVersion', '')))}, scene {clean(str(name))}"
 
     async def start(self) -> str:
-        """Record. If OBS already records, that recording does not belong to this session."""
+        """Record. A recording that OBS has already begun does not belong to this session."""
         self._recording.clear()
         self._path = ""
-        self._is_ours = True  # even without an answer: it may have begun
+        self._is_ours = True  # even without an answer: recording may have begun
         if refusal := _refusal("StartRecord", await self._call("StartRecord")):
             self._is_ours = False
             raise RecorderError(refusal)
@@ -95,7 +95,8 @@ class ObsRecorder:
         )
 
     async def stop(self) -> str:
-        """End the recording, and wait until its file is complete. A recording that somebody else has begun goes on."""
+        """End the recording, and wait until its file is complete. A recording that this session did not start
+        continues."""
         if not self._is_ours:
             return ""
         self._complete.clear()
@@ -117,14 +118,14 @@ class ObsRecorder:
     # --- the protocol -----------------------------------------------------------------------------------------------
 
     async def _ask(self, request: str, *, again: bool = False) -> dict[str, Any]:
-        """OBS's answer. `again`: try again with a new connection if this one is cut. Raises RecorderError."""
+        """Return OBS's answer. `again`: try a new connection if this one is cut. Raises RecorderError."""
         found = await self._call(request, again=again)
         if refusal := _refusal(request, found):
             raise RecorderError(refusal)
         return _table(found.get("responseData"))
 
     async def _call(self, request: str, *, again: bool = False) -> dict[str, Any]:
-        """OBS's answer, even if it is a refusal."""
+        """Return OBS's answer, even a refusal."""
         socket = await self._connected()
         number = str(next(self._numbers))
         answer = self._answers[number] = asyncio.get_running_loop().create_future()
@@ -146,7 +147,7 @@ class ObsRecorder:
         if self._socket is not None and not self._socket.closed and self._reading and not self._reading.done():
             return self._socket
         try:
-            from aiohttp import ClientError, ClientSession, ClientTimeout  # an extra that may not be installed
+            from aiohttp import ClientError, ClientSession, ClientTimeout  # an extra
         except ImportError:
             raise RecorderError('OBS is reached by a package that is missing: pip install "rise-tui[obs]"') from None
         await self.close()
@@ -192,7 +193,7 @@ class ObsRecorder:
             ) from None
 
     async def _read(self, socket: ClientWebSocketResponse) -> None:
-        """Pass answers to their callers and note events. When the connection ends, nobody waits any longer."""
+        """Pass answers to their callers and note events. The end of the connection cancels all waiting calls."""
         from aiohttp import WSMsgType
 
         try:
@@ -222,7 +223,7 @@ class ObsRecorder:
 
 
 def challenge_answer(password: str, salt: str, challenge: str) -> str:
-    """The proof of the password for OBS: base64(SHA-256(base64(SHA-256(password + salt)) + challenge)).
+    """Compute the proof of the password for OBS: base64(SHA-256(base64(SHA-256(password + salt)) + challenge)).
 
     >>> challenge_answer("supersecretpassword", "lM1GncleQOaCu9lT1yeUZhFYnqhsLLP1G5lAGo3ixaI=",
     ...                  "+IxH4CnCiqpX1rM9scsNynZzbOe4KhDeYcTNS3PDaeY=")
@@ -233,7 +234,7 @@ def challenge_answer(password: str, salt: str, challenge: str) -> str:
 
 
 async def _receive(socket: ClientWebSocketResponse, wanted: int) -> object:
-    """The data of the next message, which must be of this kind. Raises RecorderError."""
+    """Return the data of the next message, which must be of this kind. Raises RecorderError."""
     from aiohttp import WSMsgType
 
     message = await socket.receive()

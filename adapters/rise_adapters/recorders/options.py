@@ -1,4 +1,4 @@
-"""Options of a recorder in study.toml. All mistakes come together, each in a line that begins with the option."""
+"""Options of a recorder in study.toml. All errors are reported together, each in a line that begins with the option."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from rise_engine.scenario.model import Json
 
 
 class OptionReader:
-    """Reads the options of one recorder, and collects all mistakes until `finish`."""
+    """Reads the options of one recorder, and collects all errors until `finish`."""
 
     def __init__(self, options: Mapping[str, Json], known: tuple[str, ...]) -> None:
-        """
-        :param options: as study.toml has them.
+        """:param options: those of study.toml.
         :param known: all existing options.
         """
         self.options = options
@@ -22,7 +21,7 @@ class OptionReader:
                          if key not in known]  # fmt: skip
 
     def text(self, key: str, usual: str = "", *, needed: str = "") -> str:
-        """A text. `needed`: if it must be given, an example of it."""
+        """Return a text. `needed`: an example, if the option is required."""
         value = self.options.get(key, usual)
         if key not in self.options and needed:
             self.problems.append(f"`{key}` is missing: {needed}")
@@ -32,7 +31,7 @@ class OptionReader:
         return str(value)
 
     def texts(self, key: str, form: str, *, needed: bool = False) -> list[str]:
-        """A list of texts; `form`: an example of it."""
+        """Return a list of texts. `form`: an example."""
         value = self.options.get(key, [])
         if isinstance(value, list) and all(isinstance(each, str) and each for each in value):
             if needed and not value:
@@ -42,7 +41,7 @@ class OptionReader:
         return []
 
     def number(self, key: str, usual: int, least: int, most: int) -> int:
-        """A whole number."""
+        """Return a whole number."""
         value = self.options.get(key, usual)
         if isinstance(value, int) and not isinstance(value, bool) and least <= value <= most:
             return value
@@ -50,7 +49,7 @@ class OptionReader:
         return usual
 
     def choice(self, key: str, known: tuple[str, ...]) -> str:
-        """One of these words; the first is the default."""
+        """Return one of these words; the first is the default."""
         value = self.options.get(key, known[0])
         if value in known:
             return str(value)
@@ -58,10 +57,10 @@ class OptionReader:
         return known[0]
 
     def refuse(self, problem: str) -> None:
-        """Add another mistake, as a sentence that begins with the option."""
+        """Add an error, as a sentence that begins with the option."""
         self.problems.append(problem)
 
     def finish(self) -> None:
-        """Raise RecorderError with all mistakes, if there are any."""
+        """Raise RecorderError with all errors, if any."""
         if self.problems:
             raise RecorderError(*self.problems)

@@ -1,4 +1,4 @@
-"""A program that records until it is asked to end with SIGINT, as by Ctrl-C."""
+"""A program that records until it gets SIGINT, as by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_engine.ports.recorder import RecorderError, RecordingPlan
 
 
 def new_path(folder: Path, stem: str, suffix: str = "") -> Path:
-    """A new path in a folder; the second one is called `..._2`.
+    """Return a new path in a folder; the second one is `..._2`.
 
     :param folder: the folder.
     :param stem: the beginning of its name.
@@ -34,7 +34,7 @@ def new_path(folder: Path, stem: str, suffix: str = "") -> Path:
 
 
 def recording_stem(plan: RecordingPlan, name: str) -> str:
-    """The name of a recorder's file: the session's name and the recorder's own.
+    """Return the name of a recorder's file: the session's name and the recorder's.
 
     :param plan: the recording's plan.
     :param name: the recorder's name.
@@ -43,7 +43,7 @@ def recording_stem(plan: RecordingPlan, name: str) -> str:
 
 
 def size_of(path: Path) -> int | None:
-    """Bytes of a file, or of everything in a folder; None: there is nothing."""
+    """The bytes of a file, or of everything in a folder; None: there is nothing."""
     try:
         if path.is_dir():
             return sum(each.stat().st_size for each in path.rglob("*") if each.is_file())
@@ -53,7 +53,7 @@ def size_of(path: Path) -> int | None:
 
 
 END_SECONDS = 3.0
-"""Seconds after SIGINT, for the program to complete its file."""
+"""Seconds after SIGINT for the program to complete its file."""
 TERMINATE_SECONDS = 0.5
 """Seconds after SIGTERM, and after SIGKILL."""
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG, prctl(2)
@@ -63,11 +63,10 @@ _LINE_BYTES = 2_000
 
 
 class RecordingProgram:
-    """One run of a program, in the process group of its starter. Its output is read all the time."""
+    """One run of a program, in the process group of its starter. Its output is read continuously."""
 
     def __init__(self, name: str) -> None:
-        """
-        :param name: its name in sentences."""
+        """:param name: its name in sentences."""
         self.name = name
         self.process: Process | None = None
         self.lines: list[str] = []
@@ -104,7 +103,7 @@ class RecordingProgram:
         return self.process is not None and not self.gone.is_set()
 
     def ending(self) -> str:
-        """How it ended, in a sentence with its last line."""
+        """Describe its end in a sentence, with its last line."""
         status = self.process.returncode if self.process is not None else None
         said = self.lines[-1] if self.lines else ""
         how = f"{self.name} has ended"
@@ -116,7 +115,7 @@ class RecordingProgram:
         return f"{how}: {said}" if said else how
 
     async def end(self) -> bool:
-        """Ask it to end, and force it after that; four seconds at most. Returns whether it ended when it was asked."""
+        """Ask it to end, then force it; takes four seconds at most. Returns whether it ended without force."""
         process = self.process
         if process is None:
             return True
@@ -143,7 +142,7 @@ class RecordingProgram:
 
     async def _wait(self) -> None:
         assert self.process is not None
-        # On some versions of Python, `Process.wait` would also wait for other programs that hold its pipes open.
+        # On some versions of Python, `Process.wait` also waits for other programs that hold its pipes open.
         while self.process.returncode is None:  # noqa: ASYNC110
             await asyncio.sleep(0.05)
         await asyncio.wait(self._readers[:2], timeout=TERMINATE_SECONDS)  # its last lines
@@ -154,7 +153,7 @@ class RecordingProgram:
 
 
 async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], object]) -> None:
-    """Pass on each line that is not empty. If a line never ends, pass on its beginning."""
+    """Pass on each line that is not empty. Of an endless line, pass on the beginning."""
     rest = b""
     while chunk := await stream.read(_LINE_BYTES):
         *lines, rest = (rest + chunk).replace(b"\r", b"\n").split(b"\n")
@@ -167,8 +166,7 @@ async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], obj
 
 
 def _end_with_parent() -> None:
-    """Runs in the new process before it becomes the program. On Linux, the kernel then sends it SIGINT when its starter
-    dies, even by SIGKILL, so that it no longer records anybody. Elsewhere the engine's process does this while it
-    lives."""
+    """Ask the kernel of Linux to send SIGINT to this new process when its starter dies, even by SIGKILL, so that it
+    stops recording. It runs before the program. Elsewhere the engine's process does this while it lives."""
     if _C_LIBRARY is not None:
         _C_LIBRARY.prctl(_PARENT_DEATH_SIGNAL, signal.SIGINT, 0, 0, 0)

@@ -1,10 +1,10 @@
 """Bags of ROS 2 (https://github.com/ros2/rosbag2), in one of two ways.
 
-- A program of our own, `ros2 bag record`: works with every release. SIGINT makes it write the bag's metadata.yaml and
+- As a child process, `ros2 bag record`: works with every release. SIGINT makes it write the bag's metadata.yaml and
   end.
 - A recorder that already runs (`node = "/rosbag2_recorder"`), through its services `record` and `stop`, which Jazzy has
-  since rosbag2 0.26.10. On Jazzy it stays paused after a stop, so that the next bag would be empty. It is therefore
-  resumed after `record`, and asked whether it is paused.
+  since rosbag2 0.26.10. On Jazzy it stays paused after a stop, so that the next bag would be empty. So it is resumed
+  after `record`, and its state is checked.
 
 A bag is a new folder. Its file grows in steps, because messages are collected until a chunk is full.
 """
@@ -34,22 +34,22 @@ if TYPE_CHECKING:
 
 STALLED_AFTER = 30.0
 ANSWER_SECONDS = 2.0
-"""Seconds to wait for one answer of a service."""
+"""Time limit in seconds of one answer of a service."""
 FOUND_SECONDS = 3.0
-"""Seconds to look for a recorder's services."""
+"""Time limit in seconds for finding a recorder's services."""
 METADATA_SECONDS = 2.0
-"""Seconds from `stop` until metadata.yaml exists."""
+"""Maximum seconds from `stop` until metadata.yaml exists."""
 METADATA = "metadata.yaml"
 _OPTIONS = ("node", "topics", "arguments", "program", "ros", "ros_arguments")
 
 
 def open_rosbag2(name: str, options: Mapping[str, Json]) -> Recorder:
-    """The recorder of bags for these options.
+    """Make the recorder of bags for these options.
 
     :param name: the recorder's name, a part of the bag's name.
     :param options: `topics` (empty: all), `arguments` (of `ros2 bag record`), `program`; or `node`, `ros`,
         `ros_arguments`.
-    :raises RecorderError: with every finding.
+    :raises RecorderError: with all errors.
     """
     read = OptionReader(options, _OPTIONS)
     node = read.text("node") if "node" in options else ""
@@ -134,7 +134,7 @@ class BagByProgram:
         return str(path)
 
     async def close(self) -> None:
-        """Make sure that nothing continues."""
+        """Kill the program if it still runs."""
         if self._run is not None:
             self._run.close()
 
@@ -180,19 +180,19 @@ class BagOverServices:
         return RecorderStatus(not paused, bytes=size, path=str(self._path or ""))
 
     async def stop(self) -> str:
-        """End the bag, and wait for its metadata. A bag that somebody else has begun goes on."""
+        """End the bag, and wait for its metadata. A bag that this session did not start continues."""
         path = self._path
         if not self._is_ours or path is None:
             return ""
         problem: RecorderError | None = None
         try:
             await self._call("stop", "Stop")
-        except RecorderError as error:  # its answer has another type in later releases
+        except RecorderError as error:  # later releases have another type of answer
             problem = error
         if size_of(path) is None:
             if problem is not None:
                 raise problem
-            return str(path)  # on another computer
+            return str(path)  # it is on another computer
         for _ in range(round(METADATA_SECONDS / 0.05)):
             if (path / METADATA).exists():
                 return str(path)
@@ -211,8 +211,8 @@ class BagOverServices:
         return self._transport
 
     async def _call(self, service: str, type: str, request: Message | None = None) -> Message:
-        """The answer of a service of the recorder. Raises RecorderError."""
-        from rise_adapters.ros2.transport.selection import open_transport  # imports a transport for ROS
+        """Return the answer of a service of the recorder. Raises RecorderError."""
+        from rise_adapters.ros2.transport.selection import open_transport  # imports a transport of ROS
 
         try:
             if self._transport is None:

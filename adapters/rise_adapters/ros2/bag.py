@@ -1,17 +1,17 @@
 """The format `mcap`: a folder for each session with `metadata.yaml` and one MCAP file, as `ros2 bag` makes and opens
 it.
 
-The messages are those that the session's node publishes while it runs (`rise_adapters.ros2.record_messages`), on the
-same topics, so a bag can be played to any listener of a session. Every part of the file has a checksum, with which
-readers find a changed byte (https://mcap.dev/spec).
+The messages and topics are those of the session's node (`rise_adapters.ros2.record_messages`), so a bag can be played
+to any listener of a session. Every part of the file has a checksum, so that readers find a changed byte
+(https://mcap.dev/spec).
 
-Times in the file begin with the wall clock at the session's start and continue with session time, plus the gaps between
-the parts of a recovered session. At levels without times of day they begin in 1970.
+Times in the file are the wall clock at the session's start plus session time and the gaps of a recovered session. At
+levels without times of day they begin in 1970.
 
-`metadata.yaml` is of version 9, as ROS 2 Jazzy and later write it
+`metadata.yaml` has version 9, as in ROS 2 Jazzy and later
 (https://github.com/ros2/rosbag2/blob/jazzy/rosbag2_storage/src/rosbag2_storage/yaml.hpp).
 
-It is written without a library. Every text is in double quotes, as in JSON, which YAML 1.2 reads the same.
+It is written without a library. Every text is in double quotes, which JSON and YAML 1.2 read in the same way.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ if TYPE_CHECKING:
 
 VERSION = 9
 DISTRIBUTION = "jazzy"
-"""The distribution whose layout it is."""
+"""The distribution of this layout."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 
 
 class TopicFacts(Struct, frozen=True):
-    """The facts of a topic for metadata.yaml."""
+    """A topic in metadata.yaml."""
 
     name: str
     type: str
@@ -73,7 +73,7 @@ class TopicFacts(Struct, frozen=True):
 def bag_metadata(
     file: str, topics: Sequence[TopicFacts], start: int, duration: int, custom_data: Mapping[str, str]
 ) -> str:
-    """The text of metadata.yaml.
+    """Return the text of metadata.yaml.
 
     :param file: the name of the bag's one file.
     :param topics: the topics in the order of the file.
@@ -119,7 +119,7 @@ def bag_metadata(
 
 
 def qos_profile(depth: int) -> str:
-    """The quality of service of a session's topic: reliable, and its latest messages also for late subscribers."""
+    """The quality of service of a session's topic: reliable, with the latest messages for late subscribers."""
     return "\n".join(
         [
             "- history: keep_last",
@@ -145,7 +145,7 @@ _SEPARATOR = "=" * 80
 
 
 def message_schema(catalog: InterfaceCatalog, type: str) -> str:
-    """The definition of a message of `rise_interfaces`, with its comments, and then the definitions of its types.
+    """Return the definition of a message of `rise_interfaces`, with its comments, and then those of its types.
 
     :param catalog: the source of definitions.
     :param type: `rise_interfaces/msg/Record`.
@@ -159,7 +159,7 @@ def message_schema(catalog: InterfaceCatalog, type: str) -> str:
 
 
 def _nested(catalog: InterfaceCatalog, type: str) -> list[str]:
-    """Every type that a type contains, each once, the required ones first."""
+    """Every type that a type contains, each once, required types first."""
     found: dict[str, None] = {}
     pending = [type]
     while pending:
@@ -181,7 +181,7 @@ TOPICS = (
     (f"/{TASK_STATE}", TASK_STATE_TYPE, TASKS_LATCHED),
     (f"/{RULE_STATE}", RULE_STATE_TYPE, RULES_LATCHED),
 )
-"""Name, type, and how many of the latest messages a late subscriber gets when it is played."""
+"""Name, type, and the number of messages for a late subscriber when the bag is played."""
 SECOND = 1_000_000_000
 
 
@@ -209,7 +209,7 @@ def write_mcap(path: Path, sessions: Iterable[SessionData], context: ExportConte
 
 
 def _catalog() -> InterfaceCatalog:
-    """The types that this program has, whatever workspace is sourced. Raises ExportError."""
+    """The types of this program, whatever workspace is sourced. Raises ExportError."""
     catalog = InterfaceCatalog(environment={})
     try:
         import rosbags as rosbags  # an extra with the standard types
@@ -219,7 +219,7 @@ def _catalog() -> InterfaceCatalog:
 
 
 def _write_session(writer: Writer, catalog: InterfaceCatalog, data: SessionData, file: str) -> str:
-    """Write the whole session; returns the text of the bag's metadata.yaml."""
+    """Write the whole session. Returns the text of the bag's metadata.yaml."""
     writer.start(profile="ros2", library="rise-tui")
     channels = {topic: _register(writer, catalog, topic, type, depth) for topic, type, depth in TOPICS}
     counts: Counter[str] = Counter()
@@ -235,7 +235,7 @@ def _write_session(writer: Writer, catalog: InterfaceCatalog, data: SessionData,
         last = max(last, at)
     facts = [msgspec.structs.replace(channel.facts, messages=counts[topic]) for topic, channel in channels.items()]
     text = bag_metadata(file, facts, first, last - first, _custom_data(data))
-    writer.add_metadata("rosbag2", {"serialized_metadata": text})  # read if the file is alone
+    writer.add_metadata("rosbag2", {"serialized_metadata": text})  # for a file without its folder
     writer.finish()  # type: ignore[no-untyped-call]
     return text
 
@@ -264,7 +264,7 @@ def _timed(data: SessionData) -> Iterator[tuple[int, AnyRecord]]:
 
 
 def _start(data: SessionData) -> int:
-    """The session's start, in nanoseconds since 1970; 0 if it is not given."""
+    """The session's start, in nanoseconds since 1970; 0: not given."""
     try:
         return round(datetime.fromisoformat(data.facts.started).timestamp() * 1e6) * 1000
     except ValueError:

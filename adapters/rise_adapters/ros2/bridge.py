@@ -42,7 +42,7 @@ INTERFACE_TYPES = (
     "rise_interfaces/srv/GetMemory_Request",
     "rise_interfaces/msg/Record",
 )
-"""Without these, other nodes can see nothing of the session."""
+"""Without these types, other nodes see nothing of the session."""
 
 
 class Ros2Bridge:
@@ -58,8 +58,7 @@ class Ros2Bridge:
         *,
         rosout: bool = True,
     ) -> None:
-        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: also report events on
-        /rosout."""
+        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: also report on /rosout."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
@@ -102,7 +101,7 @@ class Ros2Bridge:
         self._transport.close()
 
     async def _watch_connection(self) -> None:
-        """Start a middleware again that was shut down during the session. The robot has noticed this itself."""
+        """Restart a middleware that was shut down during the session. The robot notices this itself."""
         reported = ""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
@@ -130,7 +129,7 @@ class Ros2Bridge:
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
                 self._record_note("ROS is reached again")
-            except PortError as error:  # it may already have gone again
+            except PortError as error:  # it may be gone again
                 self._record_note(f"the new connection to ROS does not work: {error}")
             before.close()
 
@@ -148,7 +147,7 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
         try:
             share = [Path(each) for each in read_options(profile).share]
         except PortError:
-            raise AdapterError(*mapping_problems(profile)) from None  # with all other mistakes in it
+            raise AdapterError(*mapping_problems(profile)) from None  # with all other errors in it
 
     connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
@@ -169,7 +168,7 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
 
 
 def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
-    """A session's settings as parameters of its node. A real session reveals no login."""
+    """Return a session's settings as parameters of its node. A real session reveals no login."""
     about = hub.summary()
     path = without_home if about.mode == "real" else str
     return {
@@ -187,7 +186,7 @@ def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
 def read_parameters(
     arguments: tuple[str, ...], *, switches: dict[str, str], single: list[str], many: list[str], written: list[str]
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
+    """Return parameters of the session's node as options of `rise-engine serve` (a `ParameterReader`)."""
     options = {
         flag.removeprefix("--").replace("-", "_"): ParameterOption(
             flag, switch=flag in switches, opposite=switches.get(flag, ""), repeatable=flag in many

@@ -1,10 +1,10 @@
-"""Whether what a robot has on ROS fits its profile. The session (before every goal, and while it watches the robot),
-`rise-engine doctor` and all others get the same answer in the same sentences.
+"""Whether a robot on ROS fits its profile: one answer for the session (before every goal, and while it watches the
+robot) and for `rise-engine doctor`.
 
-ROS 2 itself reports nothing when the two ends of a name do not fit. Another version of a type is filled with whatever
-bytes arrive. Another quality of service, another type or another vendor's middleware means silence, although the other
-program is visible. This module therefore compares each end on the names of an action with this side's: its type by name
-and by hash (REP-2016), its vendor's software, and its quality of service.
+ROS 2 itself does not report that the two ends of a name do not fit. Another version of a type is filled with whatever
+bytes arrive. With another quality of service, type or vendor, nothing arrives, although the other program is visible.
+So this module compares each end of an action's names with this side: its type by name and hash (REP-2016), its vendor's
+software, and its quality of service.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from rise_adapters.ros2.transport.port import (
 
 OTHER_TYPE, OTHER_VERSION = "other-type", "other-version"
 OTHER_MIDDLEWARE, OTHER_QUALITY = "other-middleware", "other-quality"
-"""Words that a reason begins with (docs/explanation/ros2.md)."""
+"""The first words of a reason (docs/explanation/ros2.md)."""
 SHORT_MISFITS = {
     OTHER_TYPE: "offers other types than its profile names",
     OTHER_VERSION: "has other versions of types; build both anew",
     OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
     OTHER_QUALITY: "wants another quality of service",
 }
-"""What is wrong with a whole robot if nothing of it fits, short enough for a small screen."""
+"""The misfit of a whole robot, short enough for a small screen."""
 MISFIT_KINDS = tuple(SHORT_MISFITS)
 
 SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
 
 
 class Misfit(Struct, frozen=True):
-    """Something on the other side that does not fit."""
+    """A difference of the other side that does not fit."""
 
     kind: str
     name: str
-    """Its subject, the full name of an action or topic, with which the sentence begins."""
+    """The full name of an action or topic, with which the sentence begins."""
     statement: str
     """The rest of the sentence, without a full stop."""
     remedy: str
@@ -59,21 +59,21 @@ class Misfit(Struct, frozen=True):
 
 
 class EndpointComparison(Struct):
-    """What was found on the other side for one action of a profile."""
+    """The result for one action of a profile."""
 
     unusable: list[Misfit] = []
-    """Misfits that forbid sending anything, or would keep everything sent from arriving."""
+    """Misfits that forbid sending, or prevent everything sent from arriving."""
     unheard: list[Misfit] = []
-    """Misfits that would keep some of its messages from arriving here; sent messages do arrive."""
+    """Misfits that prevent some of its messages from arriving here. Sent messages do arrive."""
     seen: list[str] = []
-    """The programs that have any part of it, for a person; empty when nobody has."""
+    """The programs that have any part of it, for a person; empty: none."""
     programs: frozenset[bytes] = frozenset()
     """The programs that offer a part of an action (`RemoteEndpoint.program`), as far as they can be distinguished."""
     unannounced: bool = False
-    """It does not announce the version of its types, or this side's is unknown: they cannot be compared."""
+    """Whether the types cannot be compared: it does not announce their version, or this side's is unknown."""
     complete: bool = False
-    """Every necessary part of it has been seen, and so was compared. (Discovery finds them one by one, and the
-    middleware may deliver messages before it lists their senders.)"""
+    """Whether every part was seen and compared. (Discovery finds them one by one, and messages may come before
+    that.)"""
 
     @property
     def misfits(self) -> list[Misfit]:
@@ -81,7 +81,7 @@ class EndpointComparison(Struct):
 
 
 def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
-    """Compare what is there now with the profile's statements about one action."""
+    """Compare the present endpoints with the profile's statements about one action."""
     found = _compare_topic(transport, mapping) if mapping.kind == "topic" else _compare_servers(transport, mapping)
     found.unusable, found.unheard = list(dict.fromkeys(found.unusable)), list(dict.fromkeys(found.unheard))
     found.seen = list(dict.fromkeys(found.seen))
@@ -89,7 +89,7 @@ def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
 
 
 def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
-    """Why nothing of an action can be reached although `compare` found nothing wrong: a sentence that names `full`."""
+    """Why an action cannot be reached although `compare` found no misfit: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
     return f"nothing {'listens to' if mapping.kind == 'topic' else 'offers'} {full}"
@@ -162,7 +162,7 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
 
 
 def only_looks_on(node: str) -> bool:
-    """Whether a node only records or shows messages: a bag's, or a hidden one, such as that of `ros2 topic echo`."""
+    """Whether a node only records or shows messages: one of a bag, or a hidden one, such as `ros2 topic echo`."""
     return node.rpartition("/")[2].startswith(("rosbag2_", "_"))
 
 
@@ -186,7 +186,7 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
         else:
             misfits.append(misfit)
     found.complete = bool(found.seen)
-    if not fits:  # otherwise these only listen, too
+    if not fits:  # otherwise these only listen
         found.unusable += misfits
     return found
 
@@ -202,7 +202,7 @@ def _middleware_misfit(transport: Transport, full: str, end: RemoteEndpoint) -> 
 
 
 def same_middleware_remedy(transport: Transport, other: str) -> str:
-    """What to do about two vendors."""
+    """The remedy for two vendors."""
     own, theirs = vendors.rmw_of_vendor(transport.vendor), vendors.rmw_of_vendor(other)
     there = f"start the robot's program with RMW_IMPLEMENTATION={own} on its computer" if own else ""
     if not theirs:
@@ -220,8 +220,8 @@ def _type_misfit(
     wanted: str,
     found: EndpointComparison,
 ) -> Misfit | None:
-    """Compare one end's type. `full`: the mapping's full name. `wanted`: the part of its type that this end must carry.
-    Missing announcements are noted in `found`."""
+    """Compare one end's type with `wanted`, and note missing announcements in `found`. `full`: the mapping's full
+    name."""
     verb = "taken" if mapping.kind == "topic" else "offered"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is not a ROS type"
@@ -243,7 +243,7 @@ def _service_of(type: str) -> str:
 
 
 def ros_type(type: str) -> str:
-    """The type that people write, for a part of an action or service."""
+    """The type in people's spelling, for a part of an action or service."""
     type = _service_of(type)
     for ending in ("_SendGoal", "_GetResult", "_FeedbackMessage"):
         type = type.removesuffix(ending)
@@ -254,13 +254,13 @@ class QosConflict(Struct, frozen=True):
     """Why a reader receives nothing from a writer."""
 
     offered: str
-    """The writer's offer in words ..."""
+    """The writer's offer in words."""
     wanted: str
-    """... and the reader's request."""
+    """The reader's request in words."""
     for_reader: str
-    """What to write on the reader's side, or ..."""
+    """The remedy on the reader's side."""
     for_writer: str
-    """... on the writer's."""
+    """The remedy on the writer's side."""
 
 
 _BEST_EFFORT = QosConflict("as best effort", "reliably", 'reliability = "best_effort"', 'reliability = "reliable"')
@@ -269,7 +269,8 @@ _VOLATILE = QosConflict("as volatile", _LATCHED, 'durability = "volatile"', 'dur
 
 
 def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
-    """Why a reader that wants `wanted` hears nothing from a writer that offers `offered`; None: it does, or unknown."""
+    """Why a reader that requests `wanted` gets nothing from a writer that offers `offered`; None: it does, or
+    unknown."""
     if offered is None or wanted is None:
         return None
     if wanted.reliable and not offered.reliable:
@@ -300,7 +301,7 @@ def describe_node(name: str) -> str:
 
 
 def _describe_owner(end: RemoteEndpoint) -> str:
-    """The owner. (It is announced separately, and perhaps later or never.)"""
+    """The owner, which is announced separately, and perhaps later or never."""
     return f" by {describe_node(end.node)}" if end.node else ""
 
 

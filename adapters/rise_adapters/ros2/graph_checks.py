@@ -1,5 +1,7 @@
-"""Sentences for a person about programs on the ROS graph that do not fit together. They serve `rise-engine doctor`, and
-nodes that listen to others (`compatibility` covers the actions of a robot)."""
+"""Finds programs on the ROS graph that do not fit together, for `rise-engine doctor` and listening nodes.
+
+`compatibility` checks the actions of a robot.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,8 @@ DOCTOR_NODE_NAME = "rise_doctor"
 
 
 def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
-    """The full names under which others offer an action of the mapping's type, or listen to a topic of it. A transport
-    does not list services, so for them there are none."""
+    """The full names under which other nodes offer an action of the mapping's type, or listen to a topic of it. A
+    transport does not list services, so they have none."""
     own = transport.resolve(mapping.name)
     names: list[str] = []
     for topic in transport.topics():
@@ -37,7 +39,7 @@ def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
 
 def other_clients(transport: Transport, action: str) -> list[str]:
     """Other nodes that may send goals to an action (its full name), as far as they announce themselves. The doctor only
-    listens; a node with its own name is its predecessor, which has just gone."""
+    listens, and a node with this node's own name is its predecessor, which has just gone."""
     return [
         node
         for node in transport.client_nodes(action_topic(action, SEND_GOAL))
@@ -47,12 +49,12 @@ def other_clients(transport: Transport, action: str) -> list[str]:
 
 
 def describe_other_client(node: str, action: str) -> str:
-    """The sentence about somebody else who may move the robot."""
+    """The sentence about another client that may move the robot."""
     return f"{describe_node(node)} may send goals to {action}, too; the record of this session does not contain these"
 
 
 def describe_strangers(transport: Transport) -> list[str]:
-    """A sentence about each program that is visible but cannot be reached as ROS requires."""
+    """A sentence about each visible program that cannot be reached as ROS requires."""
     return [
         f"{describe_node(who)} uses {vendors.vendor_name(vendor)}: topics may arrive, services and actions "
         f"{'do' if vendors.services_cross(transport.vendor, vendor) == 'no' else 'may'} not. "
@@ -62,7 +64,7 @@ def describe_strangers(transport: Transport) -> list[str]:
 
 
 def describe_other_versions(transport: Transport, topic: str, type: str) -> list[str]:
-    """A sentence for each node that publishes a topic with another version of `type` than this side's."""
+    """A sentence for each node that publishes a topic with a version of `type` other than this side's."""
     own, full = transport.type_hash(type), transport.resolve(topic)
     return [
         f"{describe_node(end.node)} publishes {full} with another version of {type} than this node listens for: what "

@@ -1,10 +1,10 @@
 """A program's own settings as ROS parameters, the same on both transports.
 
 `--ros-args -p name:=value` and `--params-file FILE` become options of the program's command line before that is read
-(`parameters_as_options`). Each option is therefore declared, checked and explained in one place. An unknown parameter
-is refused with the nearest name, like an unknown option. Parameters that ROS knows and RISE does not support, simulated
-time and overrides of the quality of service, are refused with a sentence. If a file sets them for all nodes, they are
-skipped with that sentence as a note.
+(`parameters_as_options`). So each option is declared, checked and explained in one place. An unknown parameter is
+refused with the nearest name, like an unknown option. RISE does not support simulated time and overrides of the quality
+of service, and refuses them with a sentence. If a file sets them for all nodes, they are skipped with that sentence as
+a note.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TYPES = "rcl_interfaces/srv/"
 
 
 class GivenParameter(Struct, frozen=True):
-    """A parameter as it was given."""
+    """A given parameter."""
 
     name: str
     value: Any
@@ -48,7 +48,7 @@ class ParameterOption(Struct, frozen=True):
     switch: bool = False
     """Whether it takes no value."""
     opposite: str = ""
-    """For a switch: the flag that turns it off (`--no-record`); empty: leaving the switch out turns it off."""
+    """For a switch: the flag that turns it off (`--no-record`); empty: omitting the switch turns it off."""
     repeatable: bool = False
     """Whether it can be given several times; the parameter is then a list."""
 
@@ -57,8 +57,8 @@ class ParameterOption(Struct, frozen=True):
 
 
 def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenParameter], tuple[str, ...]]:
-    """The parameters for `node` (its name, without namespace) among ROS's arguments, and the other arguments. A later
-    parameter overrides an earlier one. Raises PortError."""
+    """Return the parameters for `node` (its name, without namespace) among ROS's arguments, and the other arguments. A
+    later parameter overrides an earlier one. Raises PortError."""
     own, namespace = _read_node_and_namespace(arguments, node)
     full = f"{namespace.rstrip('/')}/{own}"
     given: list[GivenParameter] = []
@@ -87,8 +87,8 @@ def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenPar
 def parameters_as_options(
     arguments: Sequence[str], node: str, options: Mapping[str, ParameterOption], written: Sequence[str] = ()
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Parameters as options of the command line, and ROS's other arguments. The options go before those `written`
-    there, which override them. Raises PortError."""
+    """Return parameters as options of the command line, and ROS's other arguments. The options go before those
+    `written` there, which override them. Raises PortError."""
     given, others = split_parameters(arguments, node)
     chosen: dict[str, Any] = {}
     for each in given:
@@ -101,7 +101,7 @@ def parameters_as_options(
             chosen[name] = each.value
         elif not each.for_all_nodes and name != SIM_TIME:
             raise PortError(f"the parameter {each.name} is unknown{did_you_mean(name, [*options, SIM_TIME])}")
-    # Of an option the last value counts, unless it can be given several times.
+    # The last value of an option counts, unless it can be given several times.
     flags = {word.partition("=")[0] for word in written}
     words: list[str] = []
     for name, value in chosen.items():
@@ -112,7 +112,7 @@ def parameters_as_options(
 
 
 def _why_unfollowed(name: str, value: Any) -> str:
-    """Why this program does not follow a parameter that every node of ROS has; empty: it has no such objection."""
+    """Why this program does not follow a parameter of every ROS node; empty: it does."""
     if name == SIM_TIME and _read_truth(value) is not False:
         return (
             f"the parameter {name} is {value}, and this program does not follow /clock: people take part, and the "
@@ -150,7 +150,7 @@ def _read_truth(value: Any) -> bool | None:
 
 
 def _read_node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
-    """The node's name and namespace, after the rules among the arguments."""
+    """The node's name and namespace, by the rules among the arguments."""
     found: dict[str, str] = {}
     rest = iter(arguments)
     for argument in rest:
@@ -170,7 +170,7 @@ def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
     if not read:
         return
     found = list(_find_sections(read, "", str(path)))
-    # What names this node overrides what names all nodes.
+    # A section for this node overrides a section for all nodes.
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
         if _matches_node(pattern, full):
             for name, value in _flatten(section, ""):
@@ -207,8 +207,8 @@ def _flatten(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]
 
 
 def _read_yaml(text: str, where: str) -> Any:
-    """The structure of a YAML text, with texts for everything except lists and tables. The extra `dds` brings one YAML
-    reader, ROS another."""
+    """Read a YAML text, with texts for all values except lists and tables, by the reader of ROS or of the extra
+    `dds`."""
     try:
         try:
             yaml = import_module("yaml")
@@ -225,7 +225,7 @@ def _read_yaml(text: str, where: str) -> Any:
 
 
 class ReadableParameter(Struct, frozen=True):
-    """A parameter that others can read."""
+    """A parameter that other nodes can read."""
 
     value: ParameterValue
     description: str = ""

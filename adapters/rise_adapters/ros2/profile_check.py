@@ -1,5 +1,5 @@
-"""Checks a robot's profile without a connection (an entry point of the group `rise.checks`), for `rise-engine check`,
-which imports nothing else of ROS."""
+"""Checks a robot's profile without a connection, for `rise-engine check` (an entry point of the group
+`rise.checks`)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rise_engine.scenario.model import RobotProfile
 
 
 def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
-    """The diagnostics about a profile without a connection, for `rise-engine check`. They include everything for which
-    a session would be refused, because both read the same types."""
+    """Return the diagnostics about a profile without a connection, for `rise-engine check`. They include all reasons
+    that prevent a session, because both read the same types."""
     try:
         options = read_options(profile)
     except PortError:
@@ -29,7 +29,7 @@ def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
 
 
 def _field_reader(share: Sequence[str]) -> ReadFields | None:
-    """The types of the transport that a session would use here; None: there is none."""
+    """The types of the transport that a session would use here; None: no transport."""
     missing = why_unavailable()
     if not missing["rclpy"]:
         return InstalledTypes().fields

@@ -17,7 +17,7 @@ RULE_STATE_TYPE = "rise_interfaces/msg/RuleState"
 RECORDS_LATCHED = 1000
 TASKS_LATCHED = 100
 RULES_LATCHED = 100
-"""Or twice the number of the scenario's rules."""
+"""Minimum number; otherwise twice the number of the scenario's rules."""
 
 
 def record_message(record: AnyRecord, session: str, header: Message) -> Message:

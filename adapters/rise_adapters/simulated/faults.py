@@ -52,7 +52,7 @@ FaultKind: TypeAlias = Literal[
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 OF_CANCELS: tuple[FaultKind, ...] = ("refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
-"""Faults that show only when the action should stop."""
+"""Faults that appear only when the action should stop."""
 LinkFaultKind: TypeAlias = Literal["vanish", "inactive"]
 
 _AMOUNTS: dict[FaultKind, tuple[str, bool]] = {
@@ -80,7 +80,7 @@ class ActionFault(Struct, frozen=True):
     """The action's name, or `*`."""
     kind: FaultKind
     amount: float | None = None
-    """For `slow`: the factor. For the others that have one: seconds."""
+    """For `slow`: the factor. For other kinds with an amount: seconds."""
     nth: int | None = None
     """Which goal of that action, counted from 1; None: each."""
 
@@ -102,7 +102,7 @@ Fault: TypeAlias = ActionFault | LinkFault
 
 
 def parse_fault(text: str, profile: RobotProfile) -> Fault:
-    """Read one fault. Raises ValueError with a sentence about the mistake and what was probably meant."""
+    """Read one fault. Raises ValueError with a sentence about the error and the probable intention."""
     if text.startswith(("vanish", "inactive")):
         return _parse_link_fault(text)
     match = _ACTION.fullmatch(text)

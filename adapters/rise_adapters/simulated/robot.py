@@ -23,11 +23,11 @@ from rise_engine.ports.robot import Clock, ReportCallback, Timer
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 
 _OPTIONS = {"latency": (0.02, 60.0), "stopping": (0.05, 60.0), "variation": (0.0, 0.5)}
-"""Name -> default, largest value."""
+"""Default and largest value by name."""
 _TICK = 0.001
 """Seconds between two reports about one goal, so that their order never depends on a tie."""
 _CANCEL_SECONDS = 4.0
-"""Seconds that a goal may take to stop; then its action ends, and the goal is open. A robot on ROS 2 has the same."""
+"""Seconds for a goal to stop. Then its action ends, and the goal is open. A robot on ROS 2 has the same."""
 _HELD_SECONDS = 5.0
 """Seconds that a new action waits for a held part. A robot on ROS 2 has the same."""
 
@@ -68,9 +68,9 @@ class SimulatedRobot:
         self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
         self._links_down: list[str] = []
-        """Why nothing reaches the robot, one entry for each fault that has cut it off."""
+        """Why nothing reaches the robot, one entry for each fault that cut it off."""
         self._inactive = ""
-        """Why it accepts nothing."""
+        """Why it accepts nothing; empty: it accepts goals."""
         self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
         self._last_seen: float | None = None
@@ -79,11 +79,11 @@ class SimulatedRobot:
             for action, spec in profile.actions.items()
             if spec.supported and not spec.engine and not _carrier_without_stop(spec)
         }
-        """By action, the parts that confirm a stop, one for each of its channels: `pepper/speech`."""
+        """The parts of each action that confirm a stop, one for each of its channels: `pepper/speech`."""
         self._open: dict[str, OpenGoal] = {}
-        """Goals that go on, or may, although their actions have ended for the session, by the action's name."""
+        """Open goals by the action's name."""
         self._stop_report: StopReport | None = None
-        """The last answer to a stop, while not everything has confirmed. Another one follows when that changes."""
+        """The last answer to a stop, while it is not fully confirmed. Another answer follows each change."""
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -115,7 +115,7 @@ class SimulatedRobot:
             self._begin(goal.action, running, seconds)
 
     def _begin_if_free(self, action: str, seconds: float) -> None:
-        """Begin a goal whose part was held when the action was started, if the part is free now."""
+        """Begin a goal whose part was held at its start, if the part is free now."""
         goal = self._goals[action]
         if holding := self._holding_part(goal.type):
             reason = f"held: {describe_open_goals([holding])}"
@@ -180,14 +180,14 @@ class SimulatedRobot:
         for action in tuple(self._goals):
             self.cancel(action)
         self._stop_report = None
-        # After the cancels that it causes or finds in progress, so that the answer is true when it is given.
+        # After the cancels that it causes or finds in progress, so that the answer is still true.
         self._timers.append(self._call_after(self._stopping + _TICK, self._report_stop))
 
     def adopt(self, goals: Sequence[StartAction]) -> None:
-        """Do nothing: this robot ends with its engine, so nothing is left."""
+        """Do nothing: this robot ends with its engine."""
 
     def cancel_open_goals(self, part: str) -> None:
-        """Do nothing: goals that did not stop when they were asked do not stop now."""
+        """Do nothing: goals that did not stop do not stop now."""
 
     def release_open_goals(self, part: str) -> None:
         for action in [action for action, goal in self._open.items() if part in ("", goal.part)]:
@@ -231,7 +231,7 @@ class SimulatedRobot:
         self._repeat_stop_report()
 
     def _repeat_stop_report(self) -> None:
-        """Report a stop again if something has changed since it was not fully confirmed."""
+        """Report a stop again if anything changed since it was not fully confirmed."""
         if self._stop_report is not None:
             self._report_stop(before=self._stop_report)
 
@@ -251,7 +251,7 @@ class SimulatedRobot:
             self._report(answer)
 
     def _parts_without_stop(self) -> tuple[str, ...]:
-        """Topics, and services that are doing something."""
+        """Topics, and busy services."""
         busy = {goal.type for goal in self._goals.values() if goal.begun}
         kinds = {type: self._carrier_without_stop(type) for type in self._profile.actions}
         found = [type for type, kind in kinds.items() if kind == "topic" or (kind == "service" and type in busy)]
@@ -277,7 +277,7 @@ class SimulatedRobot:
     def _leave_open(
         self, action: str, goal: _SimulatedGoal, reason: str, ending: ActionReport, *, holds: bool = True
     ) -> None:
-        """Leave a goal open. People hear of this before they hear of the end of its action."""
+        """Leave a goal open. This is reported before the end of its action."""
         parts = sorted(self._parts.get(goal.type, ())) or [f"{self._profile.name}/{goal.type}"]
         part = "+".join([parts[0], *(each.rpartition("/")[2] for each in parts[1:])])
         self._open[action] = OpenGoal(part, action, goal.type, reason, holds, goal.accepted)
@@ -343,8 +343,8 @@ class SimulatedRobot:
 
 
 def _carrier_without_stop(spec: ActionSpec) -> Literal["", "service", "topic"]:
-    """What carries an action that nothing can stop (docs/reference/robots.md). Empty if something can, if the profile
-    declares it safe, or if the robot does not have the action."""
+    """The kind of carrier of an action that nothing can stop (docs/reference/robots.md). Empty: something can, the
+    profile declares it safe, or the robot does not have the action."""
     carrier = spec.carrier
     if not spec.supported or spec.engine or carrier.get("unstoppable") is True:
         return ""
@@ -372,4 +372,4 @@ def _read_options(profile: RobotProfile) -> dict[str, float]:
 
 
 def _ignore(report: object) -> None:
-    """Do nothing: nobody listens before `connect` and after `close`."""
+    """Do nothing: no report is possible before `connect` and after `close`."""

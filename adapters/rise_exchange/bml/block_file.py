@@ -1,4 +1,4 @@
-"""Reads a file of BML 1.0: one block, with its namespaces resolved. Everything else is reported with its place."""
+"""Reads a file of BML 1.0: one block, with its namespaces resolved. Everything else is reported with its location."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class BmlElement(list["BmlElement"]):
     def __init__(self, element: Element, file: XmlFile, scope: dict[str, str], draft: bool) -> None:
         """
         :param scope: the namespaces that its parents have declared, by prefix.
-        :param draft: whether the file follows a draft, in which elements need no namespace.
+        :param draft: whether the file follows a draft, whose elements need no namespace.
         """
         scope = {**scope, **_declared(element)}
         prefix, _, local = element.tag.rpartition(":")
@@ -48,7 +48,7 @@ class BmlElement(list["BmlElement"]):
         self.text = element.text
         """The text before its first child."""
         self.attributes: dict[str, str] = {}
-        """The attributes without a namespace, which are BML's."""
+        """The attributes of BML, which have no namespace."""
         self.own: dict[str, str] = {}
         """The attributes in our namespace."""
         self.foreign: list[str] = []
@@ -106,9 +106,9 @@ def _declared(element: Element) -> dict[str, str]:
 
 
 def read_block(source: SourceFile, findings: ConversionFindings) -> BmlElement | None:
-    """The block in a file; None, after a diagnostic, when there is none.
+    """Read the block in a file; None, after a diagnostic: there is none.
 
-    Anything that is not BML 1.0 is an error. What a draft had, and other namespaces, are losses.
+    Anything outside BML 1.0 is an error, except that words of drafts and other namespaces are losses.
     """
     file = read_xml(source, findings.diagnostics)
     if file is None:

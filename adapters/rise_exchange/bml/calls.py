@@ -24,7 +24,7 @@ _UNSAID = {
     "offsetDirection": "it looks at the target itself",
     "mode": "which hand it takes is the robot's choice",
 }
-"""Attributes without a counterpart in acts, and what happens to them."""
+"""Attributes without a counterpart in acts, with the consequence."""
 _NO_ACTION = {
     "faceFacs": "no action moves single muscles of a face; use a lexeme",
     "locomotion": "no action moves the robot from its place",
@@ -32,7 +32,7 @@ _NO_ACTION = {
 
 
 class CallReader:
-    """Reads what behaviours do. Mistakes in them, and what acts cannot do, become diagnostics."""
+    """Reads what behaviours do. Errors in them, and actions that acts do not have, become diagnostics."""
 
     def __init__(self, names: BmlNames, times: BlockTimes, findings: ConversionFindings) -> None:
         self._names = names
@@ -40,7 +40,7 @@ class CallReader:
         self._findings = findings
 
     def read(self, behavior: PlannedBehavior) -> ActionCall | None:
-        """The action that BML's core describes; None, after a diagnostic, when there is none."""
+        """The action that BML's core describes; None, after a diagnostic: there is none."""
         element = behavior.element
         self._refuse_inner_points(element)
         self._lose_foreign(element)
@@ -152,7 +152,7 @@ class CallReader:
             return None
         target = element.get("target")
         if target is None:
-            return None  # BML requires it, which was reported
+            return None  # BML requires it, so it was reported
         point = self._names.targets.get(target)
         if point is None:
             self._findings.diagnostics.error(NAME, element.value_location("target"), self._names.unknown_target(target))
@@ -215,7 +215,7 @@ class CallReader:
         """The action of a lexeme."""
         lexeme = holder.get(attribute)
         if lexeme is None:
-            return None  # BML requires it, which was reported
+            return None  # BML requires it, so it was reported
         self._lose_unsaid(holder, ())
         found = self._names.find_lexeme(kind, lexeme)
         if found is None:
@@ -235,7 +235,7 @@ class CallReader:
     # --- times ------------------------------------------------------------------------------------------------------
 
     def _add_duration(self, behavior: PlannedBehavior, parameters: dict[str, Template], repetitions: str = "1") -> bool:
-        """Add an action's length to its parameters; False, after a diagnostic, when it cannot be kept."""
+        """Add an action's length to its parameters. False, after a diagnostic: it cannot be kept."""
         if behavior.end is None or behavior.element.tag in ("gaze", "pointing"):
             return True
         length: Decimal | None = self._times.duration(behavior)

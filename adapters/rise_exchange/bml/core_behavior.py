@@ -1,4 +1,4 @@
-"""An action in BML 1.0's core, as far as the core can express it (docs/reference/bml.md has the list). Its times."""
+"""An action in BML 1.0's core, as far as the core can express it (see docs/reference/bml.md), with its times."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ _MILLISECONDS = 1000
 
 
 class SyncTime(Struct, frozen=True):
-    """A time: seconds after a sync point of a behaviour, or after the block's beginning."""
+    """A time: seconds after a sync point of a behaviour, or after the block's start."""
 
     offset: Decimal
     """Seconds; negative for an earlier time."""
     behavior: str = ""
-    """Its id; empty: the block's beginning."""
+    """Its id; empty: the block's start."""
     point: str = ""
     block: str = ""
     """The id of the block, if it is written."""
 
 
 def parse_sync(text: str) -> SyncTime | None:
-    """Read a time; None when it is not one.
+    """Read a time; None: it is none.
 
     >>> parse_sync("greet:end + 0.5")
     SyncTime(offset=Decimal('0.5'), behavior='greet', point='end', block='')
@@ -52,7 +52,7 @@ def parse_sync(text: str) -> SyncTime | None:
 
 
 def milliseconds(seconds: Decimal) -> str:
-    """Seconds as an action's milliseconds.
+    """Convert seconds to an action's milliseconds.
 
     >>> milliseconds(Decimal("0.4"))
     '400'
@@ -61,7 +61,7 @@ def milliseconds(seconds: Decimal) -> str:
 
 
 def seconds_text(milliseconds: str) -> str | None:
-    """An action's milliseconds as BML's seconds; None when they are not a number that can be written exactly.
+    """Convert an action's milliseconds to BML's seconds; None: no number that can be written exactly.
 
     >>> seconds_text("400")
     '0.4'
@@ -72,7 +72,7 @@ def seconds_text(milliseconds: str) -> str | None:
 
 
 def read_seconds(text: str) -> Decimal | None:
-    """A length of time; None when it is not one."""
+    """Read a length of time; None: it is none."""
     return Decimal(text.strip()) if _NUMBER.fullmatch(text.strip()) else None
 
 
@@ -95,13 +95,13 @@ class CoreBehavior(Struct, frozen=True):
     text: str | None = None
     """The spoken text."""
     ssml: str | None = None
-    """The same, with its markup."""
+    """The spoken text with its markup."""
     seconds: str | None = None
     """Its duration, if the action gives one."""
 
 
 def core_behavior(call: ActionCall, names: BmlNames, fill: FillTemplate) -> CoreBehavior | None:
-    """The core's behaviour for an action; None when there is none."""
+    """The core's behaviour for an action; None: there is none."""
     written = {name: fill(template) for name, template in call.parameters.items()}
     match call.type:
         case "Speech":
@@ -145,7 +145,7 @@ def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBe
     seconds = seconds_text(written.get("duration", ""))
     attributes = {"lexeme": lexeme}
     repetitions = written.get("repetitions", "1")
-    if seconds is not None and type == "Animation":  # the duration of one
+    if seconds is not None and type == "Animation":  # the duration of one repetition
         times = read_seconds(repetitions)
         each = read_seconds(seconds)
         seconds = None if times is None or each is None else f"{(times * each).normalize():f}"
@@ -156,7 +156,7 @@ def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBe
 
 
 def length_of(seconds: Decimal, repetitions: str) -> Decimal | None:
-    """The seconds of each of several repetitions; None when that is not a finite decimal."""
+    """The seconds of each of several repetitions; None: no finite decimal."""
     times = read_seconds(repetitions)
     if not times:
         return None

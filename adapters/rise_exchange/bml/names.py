@@ -1,6 +1,6 @@
-"""What a conversion needs and collects: a lab's names in BML (`--names FILE`), reasons to refuse it, and losses.
+"""The input and results of a conversion: a lab's names in BML (`--names FILE`), reasons to refuse it, and losses.
 
-Names are those of targets, as points, and of lexemes, as what the robot does.
+Names are those of targets, as points, and of lexemes, as actions of the robot.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FORM = "bml-form"
 
 
 class BmlLoss(Struct, frozen=True):
-    """Something in one format that the other does not have, with the reason.
+    """A part of one format that the other lacks, with the reason.
 
     >>> str(BmlLoss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
     'hello.xml:3:5: lost: acts have no prosody'
@@ -46,7 +46,7 @@ class BmlLoss(Struct, frozen=True):
 
 
 class ConversionFindings:
-    """Collects the reasons to refuse a conversion and its losses. It does not stop at the first one."""
+    """Collects all reasons to refuse a conversion, and its losses."""
 
     def __init__(self) -> None:
         self.diagnostics = Diagnostics()
@@ -54,7 +54,7 @@ class ConversionFindings:
         self._losses: list[BmlLoss] = []
 
     def lose(self, location: SourceLocation, message: str) -> None:
-        """Add something that the other format does not have."""
+        """Add a part that the other format lacks."""
         self._losses.append(BmlLoss(location, message))
 
     @property
@@ -76,7 +76,7 @@ _TYPES: dict[LexemeKind, tuple[str, ...]] = {
     "posture": ("Animation",),
     "face": ("Emotion", "SocialExpression", "Animation"),
 }
-"""The action types that a lexeme can stand for; a text alone means the first."""
+"""The action types of a lexeme; a text alone means the first."""
 _USUAL: dict[LexemeKind, dict[str, tuple[str, str]]] = {
     "head": {"NOD": ("Animation", "head_nod"), "SHAKE": ("Animation", "head_shake")},
     "gesture": {},
@@ -128,7 +128,7 @@ class BmlNames(Struct, frozen=True):
         )
 
     def lexeme_of(self, type: str, value: str) -> tuple[LexemeKind, str]:
-        """BML's name for an action, from the file, BML's usual names, or else the robot's own."""
+        """BML's name for an action, from the file, BML's usual names, or the robot's own."""
         for table in (self.lexemes, _USUAL):
             for kind in KINDS:
                 for lexeme, meant in table[kind].items() if kind != "posture" else ():  # a movement is not a posture
@@ -165,10 +165,10 @@ class BmlNames(Struct, frozen=True):
 
 
 def read_names(source: SourceFile, robot: RobotProfile, diagnostics: Diagnostics) -> BmlNames:
-    """Read a file of names. Mistakes become diagnostics.
+    """Read a file of names. Errors become diagnostics.
 
     :param source: the TOML file.
-    :param robot: the robot whose actions the names stand for.
+    :param robot: the robot of the named actions.
     """
     file = read_toml(source, diagnostics)
     if file is None:

@@ -32,7 +32,7 @@ class ReadAct(Struct, frozen=True):
 
 
 def read_act(source: SourceFile, names: BmlNames, findings: ConversionFindings) -> ReadAct | None:
-    """Read a block; None when something in it cannot be kept. Reasons to refuse it and losses go into `findings`."""
+    """Read a block; None: a part of it cannot be kept. Reasons to refuse it and losses go to `findings`."""
     before = findings.diagnostics.errors
     root = read_block(source, findings)
     if root is None:
@@ -42,7 +42,7 @@ def read_act(source: SourceFile, names: BmlNames, findings: ConversionFindings) 
 
 
 def read_actions(source: SourceFile, names: BmlNames) -> dict[str, Action]:
-    """The readable actions of a block, by actionID, whatever the rest of it is."""
+    """Return the readable actions of a block by actionID, even if the block is invalid."""
     findings = ConversionFindings()
     root = read_block(source, findings)
     if root is None:
@@ -100,7 +100,7 @@ class _BlockReader:
             self.constraints.append(element)
             return
         if element.is_bml and element.tag not in BEHAVIORS:
-            return  # reported as a mistake of form
+            return  # reported as an error of form
         if not element.is_bml and not element.is_own:
             message = f"`<{element.written.tag}>` is in a namespace of its own; nobody here knows what it does"
             self.findings.diagnostics.error(NO_ACTION, element.location, message)
@@ -139,7 +139,7 @@ class _BlockReader:
             self.actions[action] = Action(action, calls, wait_for, proceeds, element.location)
 
     def read_calls(self, behavior: PlannedBehavior) -> tuple[ActionCall, ...]:
-        """What a BML behaviour does: from our own description if it has one, else from BML's core."""
+        """Return the calls of a BML behaviour: from our own description if it has one, otherwise from BML's core."""
         described = next(
             (
                 child[0]
@@ -161,7 +161,7 @@ class _BlockReader:
         return calls
 
     def check_description(self, behavior: PlannedBehavior, call: ActionCall, location: SourceLocation) -> None:
-        """Report a behaviour that somebody has changed without changing its description."""
+        """Report a behaviour that was changed without its description."""
         core = core_behavior(call, self.names, _any_value)
         differs = _difference(behavior, core, self.times) if core is not None else "what it does"
         if differs:
@@ -198,12 +198,12 @@ class _BlockReader:
 
 
 def _any_value(template: Template) -> str:
-    """A parameter's text with placeholders for memory values."""
+    """Return a parameter's text with placeholders for memory values."""
     return "".join(part if isinstance(part, str) else _HERE for part in template.parts)
 
 
 def _difference(behavior: PlannedBehavior, core: CoreBehavior, times: BlockTimes) -> str:
-    """How a behaviour differs from its description; empty: it does not."""
+    """The difference between a behaviour and its description; empty: none."""
     element = behavior.element
     if element.tag != core.tag:
         return "what it does"

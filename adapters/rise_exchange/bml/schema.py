@@ -1,7 +1,7 @@
 """A RELAX NG schema of BML 1.0's core, made from `rise_exchange.bml.vocabulary` (`rise-engine schema --kind bml`).
 
-It is for editors. `rise_exchange.bml.block_file` reads files. It uses the same table, and reports mistakes in sentences
-with line and column. Other namespaces are allowed everywhere, as in the standard.
+It is for editors. `rise_exchange.bml.block_file` reads files by the same table, and reports errors in sentences with
+line and column. Other namespaces are allowed everywhere, as in the standard.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rise_exchange.bml.vocabulary import BEHAVIORS, BLOCK, COMPOSITIONS, EXTENSI
 _INSIDE = ('<ref name="inside"/>', '<ref name="required"/>')
 _FOREIGN = '<ref name="foreignElement"/>'
 _FRAME = Path(__file__).with_name("schema.rng").read_text("utf-8").removesuffix("</grammar>\n")
-"""What does not depend on the table. `BEHAVIORS` stands for all behaviours."""
+"""The part that does not depend on the table. `BEHAVIORS` stands for all behaviours."""
 
 
 def block_schema_text() -> str:
@@ -37,7 +37,7 @@ def block_schema_text() -> str:
 
 
 def _define(name: str, words: ElementWords, content: Iterable[str]) -> str:
-    """An element with its attributes and its content."""
+    """Write an element with its attributes and its content."""
     namespace = f' ns="{EXTENSIONS}"' if name == "faceFacs" else ""
     lines = [f'      <attribute name="{each}" ns=""/>' for each in words.required]
     for each in words.optional:

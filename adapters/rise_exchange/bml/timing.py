@@ -1,8 +1,8 @@
 """Converts the starts of a block's behaviours to what an act's actions wait for.
 
-An action begins when everything that it waits for has ended, and lasts as long as it takes. A time can therefore be
-kept exactly if it is the block's beginning, the end of behaviours, or the beginning of another behaviour, plus a number
-of seconds. All other times are refused with the reason (docs/reference/bml.md).
+An action begins when all awaited actions have ended, and its duration is its own. So the block's start, the end of
+behaviours and the start of another behaviour can be kept exactly, also plus a number of seconds. All other times are
+refused with the reason (docs/reference/bml.md).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rise_exchange.bml.vocabulary import END, INNER_POINTS, MARKS, START
 
 _SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"
 _LONGEST_CIRCLE = 20
-"""The most behaviours that a sentence names."""
+"""Maximum number of behaviours in a sentence."""
 
 
 class Beginning(Struct, frozen=True):
-    """Seconds after the end of the last of some behaviours; without any, after the block's beginning."""
+    """Seconds after the end of the last of some behaviours; without any, after the block's start."""
 
     behind: tuple[str, ...] = ()
     seconds: Decimal = Decimal(0)
@@ -39,18 +39,18 @@ class PlannedBehavior(Struct):
     start: str | None
     end: str | None
     after: list[tuple[SyncTime, SourceLocation]]
-    """From constraints: what must be over."""
+    """From constraints: times that must be over."""
     start_location: SourceLocation
     end_location: SourceLocation
 
 
 class BlockTimes:
-    """Finds out when each behaviour begins."""
+    """Determines the start of each behaviour."""
 
     def __init__(self, behaviors: Mapping[str, PlannedBehavior], block: str, findings: ConversionFindings) -> None:
         """
         :param behaviors: the behaviours by id.
-        :param block: the block's own id, which may precede those of its behaviours.
+        :param block: the block's id, which may precede those of its behaviours.
         """
         self._behaviors = behaviors
         self._block = block
@@ -58,9 +58,9 @@ class BlockTimes:
         self._known: dict[str, tuple[Beginning, ...] | None] = {}
 
     def beginnings(self, id: str) -> tuple[Beginning, ...] | None:
-        """What a behaviour waits for: all of these; None, after a diagnostic, when its start cannot be kept."""
+        """Return what a behaviour waits for: all of these; None, after a diagnostic: its start cannot be kept."""
         open_ids = [id]
-        while open_ids:  # first what it waits for
+        while open_ids:  # first, what it waits for
             behavior = self._behaviors[open_ids[-1]]
             wanted = next((each for each in self._waited_for(behavior) if each not in self._known), None)
             if behavior.id in self._known:
@@ -176,7 +176,7 @@ class BlockTimes:
         return time if self._is_of_block(time, location) else None
 
     def _is_of_block(self, time: SyncTime, location: SourceLocation) -> bool:
-        """Whether a time belongs to this block; reports it if not."""
+        """Whether a time belongs to this block. If not, it is reported."""
         if time.block in ("", self._block):
             return True
         if time.block in self._behaviors:
@@ -212,7 +212,7 @@ def read_constraint(
 ) -> None:
     """Add a `<constraint>` to the behaviours that it concerns.
 
-    :param refuse: called for what cannot be kept.
+    :param refuse: called for everything that cannot be kept.
     """
     for relation in element:
         syncs = [each for each in relation if each.is_bml and each.get("ref") is not None]
@@ -237,7 +237,7 @@ def _read_relation(
     *,
     exact: bool,
 ) -> None:
-    """Read one `<sync>` that is at the time of `reference` or, if not `exact`, not before it."""
+    """Read one `<sync>` at the time of `reference` or, if not `exact`, not before it."""
     written, wanted = sync.get("ref") or "", reference.get("ref") or ""
     moved, time = parse_sync(written), parse_sync(wanted)
     location = sync.value_location("ref")

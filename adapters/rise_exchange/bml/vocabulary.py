@@ -1,8 +1,8 @@
 """The words of BML 1.0: its elements with their attributes, sync points and contents, as a table.
 
 Source: the standard's wiki, "BML 1.0 Standard" (www.mindmakers.org/projects/bml-1-0/wiki), sections on blocks, on
-synchronisation and on each behaviour. The reader uses this table, and `rise_exchange.bml.schema` makes the schema from
-it. Further words of older drafts and existing files are in `DRAFT_ATTRIBUTES` and `MARKS`.
+synchronisation and on each behaviour. The reader and `rise_exchange.bml.schema` use this table. Words of older drafts
+and existing files are in `DRAFT_ATTRIBUTES` and `MARKS`.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ EXTENSIONS = "http://www.bml-initiative.org/bml/coreextensions-1.0"
 DRAFT_NAMESPACES = ("", "http://www.mindmakers.org/projects/BML")
 """The namespaces of files from before BML 1.0, and of later files in that style."""
 OWN_NAMESPACE = "urn:rise:act"
-"""The namespace of what acts have and BML does not."""
+"""The namespace for parts of acts that BML lacks."""
 DESCRIPTION_TYPE = "application/x-rise+xml"
 """The `type` of a `<description>` that contains an action of an act (BML 1.0: additional behaviour descriptions)."""
 SSML_TYPE = "application/ssml+xml"
 PRIORITY = "1"
-"""The priority of our descriptions: any value is higher than the core's, and there is only one."""
+"""The priority of our descriptions: any value is higher than the core's."""
 
 COMPOSITIONS = ("MERGE", "APPEND", "REPLACE")
 START, END = "start", "end"
@@ -29,7 +29,7 @@ _STROKE = ("ready", "strokeStart", "stroke", "strokeEnd", "relax")
 
 
 class ElementWords(Struct, frozen=True):
-    """What an element of BML can have."""
+    """The attributes and contents of an element of BML."""
 
     required: tuple[str, ...] = ()
     """Required attributes."""
@@ -72,7 +72,7 @@ PARTS: dict[str, ElementWords] = {
 """The parts of behaviours and constraints. A `<sync>` has an `id` in a text and a `ref` in a constraint."""
 BLOCK = ElementWords(("id",), ("characterId", "composition"), (), (*BEHAVIORS, "required", "constraint"))
 INNER_POINTS = frozenset(point for words in BEHAVIORS.values() for point in words.points)
-"""Sync points that actions do not have."""
+"""Sync points without a counterpart in actions."""
 
 DRAFT_ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "bml": ("character",),
@@ -83,8 +83,8 @@ DRAFT_ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "head": ("type", "repeats"),
     "speech": ("language", "voice", "type", "text"),
 }
-"""Attributes in files of a draft's namespace. They are skipped, and reported as lost."""
+"""Attributes in files of a draft's namespace. They are skipped and reported as lost."""
 MARKS = ("sync", "tm")
 """Points in a text; `tm` in drafts."""
 PROSODY = ("pitchaccent", "boundary", "emphasis", "prosody", "rate")
-"""The elements in drafts' texts for how the text sounds."""
+"""The elements for intonation in drafts' texts."""

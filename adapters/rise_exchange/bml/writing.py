@@ -1,9 +1,9 @@
-"""Converts an act to a block of BML 1.0. The core has what other programs can do of it; our own parts have everything.
+"""Converts an act to a block of BML 1.0. The core has everything that other programs understand; our own parts have the
+rest.
 
-What BML cannot express is in a `<description>` of our own type within the behaviour (BML 1.0 has descriptions for this:
-a program that does not know the type uses the core), or in an element of our namespace. To find out which actions need
-one, the block is read again: actions that come back unchanged need none. Acts that came from BML are written as files
-of a scenario.
+Parts that BML cannot express are in an element of our namespace, or in a `<description>` of our own type within the
+behaviour. Programs that do not know the type use the core. To find the actions that need such a part, the block is read
+again: actions that come back unchanged need none. Acts made from BML are written as files of a scenario.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rise_exchange.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESP
 _ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NOT_IN_ID = re.compile(r"\W", re.ASCII)
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""Characters that are possible in memory values, but not in XML."""
+"""Characters that memory values may have, but XML may not."""
 _COMPOSITION: Mapping[CallingType, str] = {"None": "MERGE", "Blocking": "APPEND"}
 _SSML_NAMESPACE = "http://www.w3.org/2001/10/synthesis"
 _SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
@@ -37,7 +37,7 @@ _SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 def write_act(
     act: Act, calling_type: CallingType, memory: Mapping[str, Json], names: BmlNames, findings: ConversionFindings
 ) -> str:
-    """The text of a block. Parts of the act that other programs will not do go into `findings` as losses.
+    """Return the text of a block. Parts of the act that other programs will not do go to `findings` as losses.
 
     :param calling_type: the act's usual calling type, which becomes the block's composition.
     :param memory: the start values, which replace the act's memory values.
@@ -123,12 +123,12 @@ class _BlockWriter:
         return found
 
     def fill(self, template: Template) -> str:
-        """A parameter's text with the start values; a key without one stays in its braces."""
+        """Return a parameter's text with the start values. A key without one stays in its braces."""
         parts = tuple(self.with_value(part) for part in template.parts)
         return _NOT_XML.sub("", Template(template.text, parts).fill(self.memory))
 
     def with_value(self, part: str | MemorySlot) -> str | MemorySlot:
-        """A part of a template; a text if the memory has no value for it."""
+        """Return a part of a template; a text if the memory has no value for it."""
         if isinstance(part, MemorySlot):
             try:
                 part.read(self.memory)
@@ -137,7 +137,7 @@ class _BlockWriter:
         return part
 
     def text(self, described: frozenset[str]) -> str:
-        """The text of the block; actions in `described` get our own description."""
+        """Return the text of the block. Actions in `described` get our own description."""
         lines: list[str] = []
         inside = False
         for action in self.act.actions:
@@ -197,7 +197,7 @@ class _BlockWriter:
         return [f"{indent}<rise:Variants{timing}>", *calls, f"{indent}</rise:Variants>"]
 
     def constraint(self, action: Action) -> list[str]:
-        """The constraint for an action that waits for several: not before any of them has ended."""
+        """Write the constraint for an action that waits for several: not before the end of any of them."""
         sync = f'<sync ref="{self.ids[action.id]}:start"/>'
         relations = [f'    <after ref="{self.ids[each]}:end">{sync}</after>' for each in action.wait_for]
         return ["  <constraint>", *relations, "  </constraint>"]
@@ -212,13 +212,13 @@ def _own_call(call: ActionCall, timing: str, indent: str) -> list[str]:
 
 
 def _with_namespace(ssml: str) -> str:
-    """SSML in its own namespace if it names none; otherwise it would be in BML's."""
+    """Return SSML with its own namespace if it names none; otherwise it would be in BML's."""
     head, bracket, rest = ssml.partition(">")
     return ssml if "xmlns" in head else f'{head[:6]} xmlns="{_SSML_NAMESPACE}"{head[6:]}{bracket}{rest}'
 
 
 def _make_ids(names: Iterable[str]) -> dict[str, str]:
-    """Valid XML ids for times, by the names that they stand for."""
+    """Make valid XML ids for times, by the names that they stand for."""
     found: dict[str, str] = {}
     for name in names:
         plain = name if _ID.fullmatch(name) else "a" + _NOT_IN_ID.sub("_", name)
@@ -232,7 +232,7 @@ def _quote(value: str) -> str:
 
 
 def act_file_text(act: Act, origin: str) -> str:
-    """The text of a file with one act.
+    """Return the text of a file with one act.
 
     :param origin: the name of its source file.
     """
@@ -246,7 +246,7 @@ def act_file_text(act: Act, origin: str) -> str:
 
 
 def calling_type_setting(act: str) -> str:
-    """The table of scenario.toml for an act that does not wait for others."""
+    """Return the table of scenario.toml for an act that does not wait for others."""
     return f'\n[act.{toml_key(act)}]\ncalling_type = "None"\n'
 
 

@@ -1,4 +1,4 @@
-"""`rise-engine convert` and `rise-engine import`. Each of their commands is imported when it is needed."""
+"""`rise-engine convert` and `rise-engine import`. Each of their commands is imported at its first use."""
 
 from __future__ import annotations
 

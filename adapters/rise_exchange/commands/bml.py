@@ -92,7 +92,7 @@ def _file_name(act: str) -> str:
 
 
 def _save(files: dict[Path, str]) -> None:
-    """Write new files, all of them or none. Ends the command when they exist already, or cannot be written."""
+    """Write new files, all of them or none. Ends the command if they exist already, or cannot be written."""
     there = [path for path in files if path.exists()]
     if there:
         exit_with_usage(f"there is a file {there[0]} already; nothing is written over")
@@ -157,7 +157,7 @@ def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict
     _tell_findings(findings, strict=strict)
     after = _files(path, acts)
     try:
-        sound_scenario(load(path, held=after))  # or the act does not fit this scenario
+        sound_scenario(load(path, held=after))  # otherwise the act does not fit this scenario
     except Refused as refused:
         raise refused.with_hint("nothing was written") from None
     before = {name: data for name in after if (data := _content(path / name)) is not None}
@@ -174,7 +174,7 @@ def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict
 def _read_acts(
     files: tuple[str, ...], folder: Path, scenario: Scenario, names: BmlNames, findings: ConversionFindings
 ) -> list[_NewAct]:
-    """The acts of all files. An act or a file that already exists is a diagnostic."""
+    """Read the acts of all files. An act or a file that already exists is a diagnostic."""
     known = dict.fromkeys(scenario.acts, "in the scenario")
     acts_path = PurePosixPath(scenario.paths.get("acts") or DEFAULT_PATHS["acts"])
     if (folder / acts_path).exists() and not (folder / acts_path).is_dir():
@@ -203,7 +203,7 @@ def _read_acts(
 
 
 def _files(folder: Path, acts: list[_NewAct]) -> dict[str, bytes]:
-    """The files of the acts, and scenario.toml with the calling types that differ from the usual one."""
+    """Return the files of the acts, and scenario.toml with the calling types that differ from the usual one."""
     after = {act.name: act_file_text(act.read.act, Path(act.origin).name).encode() for act in acts}
     settings = "".join(calling_type_setting(act.read.act.name) for act in acts if act.read.calling_type == "None")
     if settings:
@@ -221,18 +221,18 @@ def _content(path: Path) -> bytes | None:
 
 
 def _read_source(file: str, findings: ConversionFindings) -> SourceFile | None:
-    """A file from the command line; None after a diagnostic."""
+    """Read a file from the command line; None after a diagnostic."""
     return FileReader(Path(), findings.diagnostics).read(Path(file))
 
 
 def _read_names_option(file: str | None, robot: RobotProfile, findings: ConversionFindings) -> BmlNames:
-    """The names of `--names`; without it, BML's usual ones and the robot's own."""
+    """Return the names of `--names`; without it, BML's usual ones and the robot's own."""
     source = _read_source(file, findings) if file is not None else None
     return BmlNames(robot) if source is None else read_names(source, robot, findings.diagnostics)
 
 
 def _tell_findings(findings: ConversionFindings, *, strict: bool) -> None:
-    """Report why the conversion is refused and what it loses; ends the command when it is refused."""
+    """Report why the conversion is refused and what it loses. Ends the command if it is refused."""
     found = [*findings.diagnostics.sorted(), *findings.losses]
     errors, losses = findings.diagnostics.errors, len(findings.losses)
     lost = f"{pluralize(losses, 'thing')} lost"

@@ -89,7 +89,7 @@ def _chosen(scenario: Scenario, names: tuple[str, ...]) -> list[Rule]:
 
 
 def _report_limits(scenario: Scenario, rules: list[Rule], *, strict: bool) -> None:
-    """Report losses and refusals; ends the command when nothing should be written."""
+    """Report losses and refusals. Ends the command if nothing should be written."""
     refused, lost, found = 0, 0, []
     for rule in rules:
         refusals = find_refusals(scenario, rule)
@@ -217,7 +217,7 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
 
 
 def _write_whole(path: Path, text: str) -> None:
-    """Write the whole file or nothing. Ends the command when it cannot be written."""
+    """Write the whole file or nothing. Ends the command if it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text.encode(), beside=path.with_name(f".{path.name}.part"), private=False)

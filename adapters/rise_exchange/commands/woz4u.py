@@ -77,7 +77,7 @@ def _said_file(folder: Path, name: str) -> str | None:
 
 
 def _write(folder: Path, study: ImportedStudy) -> None:
-    """Write the whole folder or nothing. Ends the program when it cannot be written."""
+    """Write the whole folder or nothing. Ends the program if it cannot be written."""
     try:
         write_new_folder(folder, study.files)
     except StudyError as error:

@@ -1,6 +1,6 @@
 """A statechart of SCXML 1.0 (https://www.w3.org/TR/scxml/, section 3): states, transitions, executable content.
 
-It contains only what can become rules; `rise_exchange.scxml.reading` refuses the rest.
+It contains only parts that can become rules; `rise_exchange.scxml.reading` refuses the rest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rise_exchange.scxml.script import Script
 
 StateKind = Literal["scxml", "state", "parallel", "final", "history"]
 ERROR = "error.execution"
-"""The event for something that could not be carried out (3.12.2)."""
+"""The event of a failed execution (3.12.2)."""
 
 
 class RaiseNode(Struct, frozen=True):
@@ -28,7 +28,7 @@ class AssignNode(Struct, frozen=True):
     """`<assign>`, or one statement of a `<script>`."""
 
     name: str | None
-    """The variable; None: its name is not valid, and the assignment fails."""
+    """The variable; None: its name is invalid, so the assignment fails."""
     value: Script
     location: SourceLocation
     declares: bool = False
@@ -47,7 +47,7 @@ class ForEachNode(Struct, frozen=True):
 
     array: Script
     item: str | None
-    """None: it is not a variable's name, and the loop fails."""
+    """None: it is no variable's name, so the loop fails."""
     index: str | None
     body: Content
     location: SourceLocation
@@ -60,7 +60,7 @@ class SendNode(Struct, frozen=True):
 
 
 class SendPlace(Struct, frozen=True):
-    """One `<send>` of a chart: what it sends, and when."""
+    """One `<send>` of a chart, with its event and delay."""
 
     number: int
     """From 1, in the order of the file."""
@@ -86,7 +86,7 @@ class CallNode(Struct, frozen=True):
 
 
 class FailNode(Struct, frozen=True):
-    """Content that is known to fail: it raises an error event, and perhaps ends its block."""
+    """Content that certainly fails: it raises an error event, and perhaps ends its block."""
 
     event: str
     ends_block: bool
@@ -130,7 +130,7 @@ class ChartState(Struct, eq=False):
     on_exit: list[Content] = []
     transitions: list[ChartTransition] = []
     initial: ChartTransition | None = None
-    """For a compound state: its initial transition. For a history: its transition while nothing is remembered."""
+    """For a compound state: its initial transition. For a history: its transition before anything is remembered."""
     is_deep: bool = False
     """For a history."""
 
@@ -172,9 +172,9 @@ class Chart(Struct):
     states: dict[str, ChartState]
     variables: list[ChartVariable]
     scripts: Content
-    """What the document's `<script>` does when the chart starts."""
+    """The content of the document's `<script>`, run when the chart starts."""
     places: list[SendPlace]
     notes: list[str]
-    """What was left out, for a person."""
+    """Omissions, for a person."""
     outside: tuple[str, ...] = ()
     """Further events from outside, in addition to those that the chart names."""

@@ -1,7 +1,7 @@
-"""Translates executable content of a chart to functions of a rule, for what is known of the variables at that place.
+"""Translates executable content of a chart to functions of a rule, by the knowledge of the variables at that place.
 
-The same code finds out what is known after a block, so that `rise_exchange.scxml.rules_of_chart` can follow this
-through the whole flat chart. Once everything is known, it writes the block.
+The same code determines the knowledge after a block, so that `rise_exchange.scxml.rules_of_chart` can follow it through
+the whole flat chart. With complete knowledge, it writes the block.
 """
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ Report: TypeAlias = Callable[[str, SourceLocation, str], None]
 """Receives the code, the place and the sentence of a diagnostic."""
 
 MAX_PENDING = 4
-"""How many events of one `<send>` may be pending at once; a rule waits for each."""
+"""Maximum number of pending events of one `<send>`. A rule waits for each."""
 _BOOLEAN: frozenset[Kind] = frozenset({"boolean"})
 
 
 class SendHelper(Struct, frozen=True):
-    """A rule that waits before a `<send>` takes effect, and the key that is true while it waits. A `<send>` has as many
-    as it may need at once."""
+    """A rule that waits before a `<send>` takes effect, and the key that is true meanwhile. A `<send>` may need
+    several."""
 
     place: SendPlace
     rule: str
@@ -97,12 +97,12 @@ class ContentTranslator:
         self.follows_values = follows_values
         self.report = report
         self.raised: set[str] = set()
-        """Every event that a translated block raises, or sends."""
+        """Every event that a translated block raises or sends."""
         self.raised_inside: set[str] = set()
-        """Those of them that go into the internal queue."""
+        """Those of them that go to the internal queue."""
 
     def blocks(self, blocks: tuple[Content, ...], known: Knowledge) -> tuple[Lines, Knowledge]:
-        """Translate several blocks in sequence; returns their lines and what is known after them."""
+        """Translate several blocks in sequence. Returns their lines and the knowledge after them."""
         lines: Lines = ()
         for block in blocks:
             more, known, _ = self.content(list(block), known)
@@ -110,7 +110,7 @@ class ContentTranslator:
         return lines, known
 
     def content(self, nodes: list[Node], known: Knowledge) -> tuple[Lines, Knowledge, bool]:
-        """Translate the rest of a block; returns its lines, what is known after it, and whether an error ends it."""
+        """Translate the rest of a block. Returns its lines, the knowledge after it, and whether an error ends it."""
         lines: list[FunctionLine | IfLines] = []
         while nodes:
             node = nodes.pop(0)
@@ -198,7 +198,7 @@ class ContentTranslator:
     # --- values ---
 
     def assign(self, node: AssignNode, known: Knowledge) -> tuple[Lines | None, Knowledge]:
-        """Translate an assignment; None instead of lines: it certainly fails."""
+        """Translate an assignment. None instead of lines: it certainly fails."""
         name = node.name
         if name is None or node.value.root is None:
             return None, known
@@ -232,7 +232,7 @@ class ContentTranslator:
         return (FunctionLine("assignValue", f"{name} = {said.text}"),), {**known, name: value}
 
     def is_refused_name(self, name: str, location: SourceLocation) -> bool:
-        """Whether our memory refuses this name of a variable; if so, it is reported."""
+        """Whether our memory refuses this name of a variable. If so, it is reported."""
         try:
             is_key = name != "session" and Expression.parse(name).bare_key == name
             Assignment.parse(f"{name} = 1")
@@ -243,7 +243,7 @@ class ContentTranslator:
         return not is_key
 
     def entries(self, node: ForEachNode, known: Knowledge) -> list[Node] | str | None:
-        """Write a loop out; `failed`: it certainly fails; None after a diagnostic."""
+        """Unroll a loop; `failed`: it certainly fails; None after a diagnostic."""
         if node.array.root is None or node.item is None:
             return "failed"
         array = known_constant(node.array.root, known)
@@ -276,7 +276,8 @@ class ContentTranslator:
     def choose(self, node: IfNode, rest: list[Node], known: Knowledge) -> tuple[Lines, Knowledge, bool, bool]:
         """Translate an `<if>`. If an error ends one of its branches, the rest of the block moves into the others.
 
-        :return: the lines, what is known, whether an error ends the block, and whether they already include the rest.
+        :return: the lines, the knowledge, whether an error ends the block, and whether the lines already include the
+            rest.
         """
         branches: list[tuple[str | None, Content]] = []
         before: list[FunctionLine | IfLines] = []
@@ -316,7 +317,7 @@ class ContentTranslator:
         return lines, behind, all(ends for *_, ends in done), used_rest
 
     def condition(self, script: Script, known: Knowledge) -> Said | None:
-        """A condition in our language; None: evaluating it is certainly an error."""
+        """Translate a condition; None: evaluating it is certainly an error."""
         if script.root is None:
             return None
         try:
@@ -331,16 +332,16 @@ class ContentTranslator:
 
 
 def pending_name(place: SendPlace) -> str:
-    """The name for how many events of a `<send>` may be pending; no variable has this name."""
+    """The name for the number of possibly pending events of a `<send>`; no variable has this name."""
     return f"pending {place.number}"
 
 
 def waiting_name(place: SendPlace) -> str:
-    """The name for whether any event of it may be pending, whoever else sends the same event."""
+    """The name for whether any event of it may be pending, even if another `<send>` sends the same event."""
     return f"waiting {place.number}"
 
 
 def joined(one: Knowledge, other: Knowledge) -> Knowledge:
-    """What is known where two paths meet."""
+    """Return the knowledge where two paths meet."""
     absent = Possible(frozenset({"undeclared"}))
     return {name: one.get(name, absent).joined(other.get(name, absent)) for name in {**one, **other}}

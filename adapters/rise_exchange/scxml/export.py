@@ -1,9 +1,9 @@
 """Exports a rule as an SCXML document (https://www.w3.org/TR/scxml/), with the datamodel `ecmascript`.
 
-docs/reference/scxml.md describes what a document expects from its interpreter, and why. In short: states are flat. A
-rule's functions go to the event I/O processor `x-rise` (section 6.2). Acts, other rules and changes of the memory come
-back as external events. An event that the rule raises only for itself goes to its own external queue, after the events
-that wait there, because our sessions have one queue of events.
+docs/reference/scxml.md describes the requirements of a document on its interpreter. In short: states are flat. A rule's
+functions go to the event I/O processor `x-rise` (section 6.2). Acts, other rules and changes of the memory come back as
+external events. An event that the rule raises only for itself goes to its own external queue, behind the waiting
+events, because our sessions have one queue of events.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from rise_exchange.scxml.limits import RuleAnalysis, find_losses
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"
-"""The namespace of additions for people and for the way back: `rise:name`, `rise:priority`, `rise:cond`."""
+"""The namespace of additions for people and for reading back: `rise:name`, `rise:priority`, `rise:cond`."""
 PROCESSOR = "x-rise"
-"""The type of the event I/O processor that carries out functions."""
+"""The type of the event I/O processor that runs functions."""
 
 _MEMORY_EVENTS = "memory forgotten"
 
 
 def export_rule(scenario: Scenario, rule: Rule, *, seed: int = 1) -> str:
-    """The document of a rule that is not refused (`rise_exchange.scxml.limits.find_refusals`).
+    """Return the document of a rule that is not refused (`rise_exchange.scxml.limits.find_refusals`).
 
     :param seed: the seed of the session's random choices.
     """
@@ -174,8 +174,8 @@ class _Document:
         yield from _element("transition", begin, cond=f"!held[{index}] && {_bracketed(condition)}", rise__cond=said)
 
     def _countdown(self, state: str, index: int, after: Delay | None) -> list[str]:
-        """A delayed event to the document itself. Its number distinguishes it from one that was cancelled too late,
-        which section 6.3 allows."""
+        """Write a delayed event to the document itself. Its number reveals one that was cancelled too late (section
+        6.3)."""
         assert after is not None
         name = _countdown_name(state, index)
         number = f"{_tag('param', name='countdown', expr=f'begin({index})')}/>"
@@ -305,7 +305,7 @@ def _seconds_text(seconds: float) -> str:
 
 
 def _tag(tag: str, /, **attributes: str | None) -> str:
-    """The beginning of a tag, without its end; `__` in a name is a colon."""
+    """Write the start of a tag, without its end; `__` in a name is a colon."""
     given = ((key.replace("__", ":"), value) for key, value in attributes.items() if value is not None)
     return f"<{tag}" + "".join(f' {key}="{escape(value, _QUOTES)}"' for key, value in given)
 
@@ -314,7 +314,7 @@ _QUOTES = {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 
 
 def _element(tag: str, content: list[str], /, **attributes: str | None) -> list[str]:
-    """An element with its content; nothing without attributes and content."""
+    """Write an element with its content; nothing without attributes and content."""
     if not content:
         return [f"{_tag(tag, **attributes)}/>"] if attributes else []
     return [f"{_tag(tag, **attributes)}>", *_indent(content), f"</{tag}>"]
@@ -325,7 +325,7 @@ def _indent(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _comment(text: str) -> str:
-    """A comment, which cannot contain `--`."""
+    """Write a comment, which cannot contain `--`."""
     return f"<!-- {re.sub('-(?=-)', '- ', text)}{' ' if not text.endswith('-') else '. '}-->"
 
 
@@ -341,10 +341,10 @@ def _identifier(name: str) -> str:
 
 # --- names of events --------------------------------------------------------------------------------------------------
 
-# In SCXML, a dot makes one name part of another (section 3.12.1 of the standard): a transition for `a` would also take
-# `a.b`. Our topics may contain blanks and other characters that SCXML names cannot have. Everything except letters,
-# digits, `-` and `_` is therefore written like `_x2E_`, with its code point in capital hexadecimal digits. No two
-# topics get the same name, and only the document's own names have dots.
+# In SCXML, a dot makes one name part of another (section 3.12.1): a transition for `a` also takes `a.b`. Our topics may
+# contain blanks and other characters that SCXML names cannot have. So everything except letters, digits, `-` and `_` is
+# written like `_x2E_`, with its code point in capital hexadecimal digits. No two topics get the same name, and only the
+# document's own names have dots.
 
 
 RESERVED = frozenset({"memory", "forgotten", "ended", "after", "error"})
@@ -358,7 +358,7 @@ _UNUSABLE_IN_KEYS = re.compile(f"[^{_LETTERS}0-9_.-]|_(?=x[0-9A-F]+_)|^\\.|\\.$|
 
 
 def event_name(topic: str) -> str:
-    """The name of an event in SCXML.
+    """Return the name of an event in SCXML.
 
     :param topic: the topic without its leading slash.
 
@@ -370,7 +370,7 @@ def event_name(topic: str) -> str:
 
 
 def key_name(key: str) -> str:
-    """A memory key for use after `memory.` in the name of an event; its dots stay.
+    """Return a memory key for use after `memory.` in the name of an event. Its dots stay.
 
     >>> key_name("person.name"), key_name("two words")
     ('person.name', 'two_x20_words')

@@ -1,8 +1,7 @@
-"""Translates our condition language to ECMAScript: one expression of the document for each condition, formula and
-assignment.
+"""Translates our condition language to ECMAScript: one expression for each condition, formula and assignment.
 
-As in the language's own compiler, each node is written for the way in which its parent reads it: as a truth value, as a
-number, or as a value of its own type. The functions that it calls are those of `rise_exchange.scxml.export`.
+As in the language's own compiler, each node is written for its parent: as a truth value, as a number, or as a value of
+its own type. It calls the functions of `rise_exchange.scxml.export`.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from rise_engine.scenario.model import Scenario
 EXACT_WHOLE_NUMBERS = 2**53
 """ECMAScript has every whole number up to this; ours are exact beyond it."""
 APPROXIMATE_FUNCTIONS = frozenset({"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "ln", "log10", "pow"})
-"""Functions whose last digit ECMAScript leaves to the interpreter."""
+"""Functions whose last digit depends on the interpreter in ECMAScript."""
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _CONSTANTS = {"pi": "Math.PI", "e": "Math.E", "r2d": "(180 / Math.PI)", "d2r": "(Math.PI / 180)"}
 _NUMERIC = {
@@ -52,21 +51,21 @@ _ORDERS = {"<": "<", "<=": "<=", ">": ">", ">=": ">="}
 
 
 def condition_code(expression: Expression) -> str:
-    """An expression that is true when the condition holds, and false when it does not or ends with an error."""
+    """Return an expression that is true if the condition holds, and false if it does not or ends with an error."""
     code = _truth(expression.root)
     return f"holds(() => {code})" if _can_fail(expression.root) else code
 
 
 def delay_code(expression: Expression, unit: float | None) -> str:
-    """An expression for a computed time in SCXML's form; an empty text if the value is not a time."""
+    """Return an expression for a computed time in SCXML's form; an empty text if the value is no time."""
     unit_code = "" if unit is None else f", {number_code(unit)}"
     return f"computedDelay(() => {_stored(expression.root, finite=False)}{unit_code})"
 
 
 def assignment_code(assignment: Assignment, scenario: Scenario) -> str:
-    """An expression for the memory after an assignment; it throws if the assignment fails."""
+    """Return an expression for the memory after an assignment; it throws if the assignment fails."""
     expression, target = assignment.expression, assignment.target
-    word, known_keys = assignment.bare_word, scenario.known_keys  # a bare word that nothing sets can be a text
+    word, known_keys = assignment.bare_word, scenario.known_keys  # an unknown bare word can be a text
     if expression is None:
         value = json_code(assignment.literal)
     elif word is not None and word not in known_keys and word.partition(".")[0] not in known_keys:
@@ -100,7 +99,7 @@ def json_code(value: Any) -> str:
 
 
 def escape_for_xml(code: str) -> str:
-    """Code without the characters that XML cannot contain, or would change; they only occur in texts."""
+    """Escape the characters that XML cannot contain, or would change; they only occur in texts."""
     return _NOT_XML.sub(lambda found: f"\\u{ord(found[0]):04x}", code)
 
 
@@ -206,7 +205,7 @@ def _value(node: Node) -> str:
 
 
 def _stored(node: Node, *, finite: bool = True) -> str:
-    """A value as the memory keeps it; not `finite`: any number is allowed."""
+    """A value as the memory stores it; not `finite`: any number is allowed."""
     return f"kept({_value(node)})" if finite and not isinstance(node, Literal) else _value(node)
 
 
@@ -219,7 +218,7 @@ def _steps(part: Part) -> str:
 
 
 def _bracketed(write: Callable[[Node], str]) -> Callable[[Node], str]:
-    """A function that writes an operand, in brackets if it needs them inside a larger expression."""
+    """Return a function that writes an operand, in brackets if necessary."""
 
     def written(node: Node) -> str:
         code = write(node)

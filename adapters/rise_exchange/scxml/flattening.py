@@ -1,7 +1,7 @@
 """Flattens a chart with hierarchy, parallel regions and histories into one machine.
 
-A flat state is a configuration, together with what the histories remember. Its transitions do what the standard's
-microstep does (`rise_exchange.scxml.interpretation`), computed in advance. Parallel regions become their product.
+A flat state is a configuration with the memory of the histories. Its transitions have the effect of the standard's
+microstep (`rise_exchange.scxml.interpretation`), computed in advance. Parallel regions become their product.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from rise_exchange.scxml.interpretation import (
 from rise_exchange.scxml.script import ChartRefusedError, Constant, Script
 
 MAX_STATES = 200
-"""Flat states. Charts drawn by people have tens; nobody can read a rule with more than this."""
+"""Maximum number of flat states. Charts drawn by people have tens, and larger rules are unreadable."""
 MAX_TRANSITIONS = 2_000
 _PLATFORM = ("done.", "error.", "done", "error")
 
@@ -53,16 +53,16 @@ class FlatTransition(Struct, eq=False):
     conditions: tuple[Script, ...]
     """All of them must hold."""
     leaving: tuple[Content, ...]
-    """The content up to and including the transition's own."""
+    """The content up to the transition's own, included."""
     entering: tuple[Content, ...]
     """The content for entering states."""
     target: FlatState
     location: SourceLocation
-    """The location of the first of the chart's transitions that are taken."""
+    """The location of the first of the taken transitions of the chart."""
 
 
 class FlatState(Struct, eq=False):
-    """A configuration of the chart, and what its histories remember."""
+    """A configuration of the chart, and the memory of its histories."""
 
     name: str
     configuration: Configuration
@@ -77,11 +77,11 @@ class FlatChart(Struct):
     states: list[FlatState]
     """The initial state comes first."""
     first_blocks: tuple[Content, ...]
-    """What entering the initial state does."""
+    """The content for entering the initial state."""
     events: list[str]
     """Every event that the chart can receive."""
     widened: dict[str, list[str]]
-    """Event descriptors that stand for several events, with these events; for `error`, perhaps none."""
+    """Event descriptors for several events, with these events; for `error`, perhaps none."""
 
 
 def flatten(chart: Chart) -> FlatChart:
@@ -116,7 +116,7 @@ class _Flattener:
         return FlatChart(list(self.states.values()), first.entering, self.events, widened)
 
     def state_after(self, step: Microstep, taken: ChartTransition) -> FlatState:
-        """The flat state at the end of a step, created when it is new."""
+        """Return the flat state at the end of a step, and create it if it is new."""
         last = step.last
         if last is not None:
             key: tuple[object, ...] = ("over", last)
@@ -203,9 +203,9 @@ _Choice = tuple[ChartTransition, Script | None]
 
 
 def _combinations(choices: list[list[_Choice]]) -> Iterator[tuple[list[ChartTransition], tuple[Script, ...]]]:
-    """The possible selections (selectTransitions): for each atomic state one transition or none, with all conditions
-    that must then hold. The first whose conditions hold is selected. In each region the first transition that holds
-    comes before the others, and before none."""
+    """Return the possible selections (selectTransitions): for each atomic state one transition or none, with all
+    conditions for it. The first selection whose conditions hold is taken. In each region, the first transition that
+    holds comes before the others, and before none."""
 
     def go(
         index: int, chosen: dict[ChartTransition, Script | None], passed: frozenset[ChartTransition]
@@ -228,7 +228,7 @@ def _combinations(choices: list[list[_Choice]]) -> Iterator[tuple[list[ChartTran
 
 
 def _condition(transition: ChartTransition, active: set[str]) -> Script | None:
-    """The condition with the answers of `In`; None: there is none."""
+    """Return the condition with the answers of `In`; None: there is none."""
     if transition.condition is None:
         return None
     script = resolve_script(transition.condition, active)
@@ -245,8 +245,7 @@ def _is_false(script: Script) -> bool:
 
 
 def events_of(chart: Chart) -> list[str]:
-    """Every event that a chart can receive: those that it raises and sends, those that occur in it automatically, and
-    those in its transitions, which may come from outside."""
+    """Return every event that a chart can receive: raised, sent and automatic ones, and those in its transitions."""
     found: dict[str, None] = {}
     for state in _all_states(chart.root):
         for content in (*state.on_entry, *state.on_exit, *(way.content for way in _ways(state))):
@@ -270,7 +269,7 @@ def events_of(chart: Chart) -> list[str]:
 
 
 def outside_events(chart: Chart) -> set[str]:
-    """The events that may come from outside: those in transitions, and further ones that the user named."""
+    """Return the events that may come from outside: those in transitions, and others that the user named."""
     named = (name for transition in all_transitions(chart.root) for name in transition.events or ())
     return {name for name in named if name != "*" and not name.startswith(_PLATFORM)} | set(chart.outside)
 

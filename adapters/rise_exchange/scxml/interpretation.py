@@ -1,6 +1,6 @@
 """One microstep of a chart, computed in advance: SCXML 1.0, appendix D, for a known configuration and history.
 
-The taken transitions determine what a step does, so each step of a chart becomes one transition of a rule
+The taken transitions determine the effect of a step, so each step of a chart becomes one transition of a rule
 (`rise_exchange.scxml.flattening`). Function names follow the appendix.
 """
 
@@ -34,11 +34,11 @@ class Microstep(Struct, frozen=True):
     configuration: Configuration
     history: History
     leaving: tuple[Content, ...]
-    """The content for leaving states and of the transitions, in order. An error in a block affects no others."""
+    """The content for leaving states and of the transitions, in order. An error in a block does not affect others."""
     entering: tuple[Content, ...]
     """The content for entering states, which follows."""
     last: ChartState | None
-    """The final state of the chart itself, if it is entered; then everything has been left again. Else None."""
+    """The entered final state of the chart itself, after which everything was left again; None: none was entered."""
 
 
 def first_step(root: ChartState) -> Microstep:
@@ -57,7 +57,7 @@ def take(
 def without_conflicts(
     enabled: Iterable[ChartTransition], root: ChartState, configuration: Configuration, history: History
 ) -> tuple[ChartTransition, ...]:
-    """removeConflictingTransitions: of two that would leave the same state, the inner one is taken, else the first."""
+    """removeConflictingTransitions: of two that leave the same state, the inner one is taken, or else the first."""
     step = _Step(root, configuration, history)
     filtered: list[ChartTransition] = []
     for one in dict.fromkeys(enabled):
@@ -73,7 +73,7 @@ def without_conflicts(
 
 
 def candidates(atomic: ChartState, event: str | None) -> list[ChartTransition]:
-    """The transitions that an atomic state could select for an event (None: without), in order of precedence."""
+    """Return the transitions that an atomic state can select for an event (None: without), in order of precedence."""
     return [
         transition
         for state in (atomic, *atomic.ancestors())
@@ -281,12 +281,12 @@ class _Step:
 
 
 def resolve_content(content: Content, active: set[str]) -> Content:
-    """Content with the answers of `In` for these active states."""
+    """Return content with the answers of `In` for these active states."""
     return tuple(_resolve_node(node, active) for node in content)
 
 
 def resolve_script(script: Script, active: set[str]) -> Script:
-    """A script with the answers of `In`."""
+    """Return a script with the answers of `In`."""
     return script if script.root is None else Script(script.text, _resolve(script.root, active), script.location)
 
 

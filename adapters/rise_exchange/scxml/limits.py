@@ -1,4 +1,4 @@
-"""The limits of SCXML for a rule: why it is refused, and what is lost, named before anything is written.
+"""The limits of SCXML for a rule: refusals and losses, reported before anything is written.
 
 docs/reference/scxml.md has a line for each code. They follow from what a rule waits for, raises, reads and sets.
 """
@@ -50,7 +50,7 @@ class RuleAnalysis:
 
     @cached_property
     def functions(self) -> list[Function]:
-        """All of its functions, those of a block from its end: losses name the first that they are about."""
+        """All of its functions, those of a block from its end. Losses name the first that they concern."""
         return [each for block in self.blocks for each in reversed([*functions_in(block)])]
 
     @cached_property
@@ -102,7 +102,7 @@ class RuleAnalysis:
 
     @cached_property
     def draws(self) -> bool:
-        """Whether it uses chance."""
+        """Whether it uses random choices."""
         return any(each.draws for each, _ in self.expressions) or any(
             isinstance(each, OneOf) for each in self.statements
         )
@@ -187,11 +187,11 @@ LOSSES = {
     "beginning": "a beginning in another state",
     "stopped": "the end of a rule in the middle of its functions",
 }
-"""What a document leaves out of a rule, by code."""
+"""Parts of a rule that a document omits, by code."""
 
 
 class Loss(Struct, frozen=True):
-    """Something of a rule that a document leaves out.
+    """A part of a rule that a document omits.
 
     >>> str(Loss("chance", "other rules draw, too", SourceLocation("rules/a.xml", 3, 5)))
     'rules/a.xml:3:5: loss chance: other rules draw, too'
@@ -208,7 +208,7 @@ class Loss(Struct, frozen=True):
 
 
 def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
-    """Why SCXML cannot express a rule; empty when it can."""
+    """Return why SCXML cannot express a rule; empty: it can."""
     found = Diagnostics()
     analysis = RuleAnalysis(scenario, rule)
 
@@ -241,7 +241,7 @@ def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
 
 
 def find_losses(scenario: Scenario, rule: Rule) -> list[Loss]:
-    """What is lost of a rule, in reading order, each thing once."""
+    """Return the losses of a rule in reading order, each once."""
     analysis = RuleAnalysis(scenario, rule)
     losses = [
         *_losses_among_rules(analysis),

@@ -1,4 +1,4 @@
-"""Reads an SCXML 1.0 document (https://www.w3.org/TR/scxml/) into a chart. What cannot become rules is reported."""
+"""Reads an SCXML 1.0 document (https://www.w3.org/TR/scxml/) into a chart, and reports what cannot become rules."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _CHILDREN: dict[str, tuple[str, ...]] = {
 
 
 def read_chart(source: SourceFile, diagnostics: Diagnostics) -> Chart | None:
-    """Read a document; None after diagnostics that leave nothing to check."""
+    """Read a document; None after diagnostics that prevent further checks."""
     file = read_xml(source, diagnostics)
     if file is None:
         return None
@@ -67,7 +67,7 @@ class _ChartReader(ContentReader):
         self.states: dict[str, ChartState] = {}
         self.transitions: list[tuple[ChartTransition, Element]] = []
         self.initials: list[tuple[ChartState, Element, str]] = []
-        """The compound states and their `initial` attribute; empty: it is not given."""
+        """The compound states and their `initial` attribute; empty: not given."""
         self.variables: list[ChartVariable] = []
         self.order = 0
 
@@ -259,5 +259,5 @@ class _ChartReader(ContentReader):
 
 
 def _descriptor(text: str) -> str:
-    """An event descriptor without a meaningless ending (3.12.1)."""
+    """Return an event descriptor without an ending that has no meaning (3.12.1)."""
     return text.removesuffix(".*").removesuffix(".") or "*"

@@ -1,4 +1,4 @@
-"""Reads executable content of SCXML (section 4, 6.2 and 6.3): what states and transitions of a chart do."""
+"""Reads executable content of SCXML (section 4, 6.2 and 6.3), from states and transitions of a chart."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ CALLED = (
     "stopInteractionRule",
 )
 SHORTEST = 0.01
-"""Seconds. The shortest delay: the external queue itself takes 1 ms."""
+"""The shortest delay in seconds: the external queue itself takes 1 ms."""
 LONGEST = 86400.0
 _OWN_PROCESSORS = ("http://www.w3.org/TR/scxml/#SCXMLEventProcessor", "http://www.w3.org/TR/scxml/", "scxml")
 _TIME = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|m|min|h)\s*", re.ASCII)
@@ -102,7 +102,7 @@ class ContentReader:
     # --- scripts ---
 
     def read_expression(self, element: Element, attribute: str) -> Script:
-        """The expression in an attribute; after a diagnostic, a placeholder."""
+        """Read the expression in an attribute; after a diagnostic, a placeholder."""
         text = element.attributes[attribute]
         location = self.file.value_location(element, attribute)
         try:
@@ -117,7 +117,7 @@ class ContentReader:
         return script
 
     def expression_of_text(self, element: Element) -> Script:
-        """A value from the text of an element: JSON, or else the text itself (B.2.8.1)."""
+        """Read a value from the text of an element: JSON, or else the text itself (B.2.8.1)."""
         text, location = element.text.strip(), self.file.element_location(element)
         try:
             json.loads(text)

@@ -1,4 +1,4 @@
-"""The rules file of a flattened chart, whose head names the source and the changes, and its place in a study."""
+"""The rules file of a flattened chart, whose head names source and changes, and its place in a study."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WIDTH = 110
 
 
 def rules_text(made: MadeRules, file: str) -> str:
-    """The text of the rules file.
+    """Return the text of the rules file.
 
     :param made: the rules.
     :param file: the name of the chart's file, for the head.
@@ -36,7 +36,7 @@ def rules_text(made: MadeRules, file: str) -> str:
 
 
 def flattening_notes(made: MadeRules) -> list[str]:
-    """What the flattening did, one sentence each."""
+    """Describe the flattening, in one sentence each."""
     states = list(_inner_states(made.chart.root))
     count = f"{pluralize(len(states), 'state')} of the chart, {pluralize(len(made.states), 'state')} here, "
     notes = [count + pluralize(sum(len(state.transitions) for state in made.states), "transition")]
@@ -96,7 +96,7 @@ def _state_lines(state: MadeState) -> Iterator[str]:
             yield "    </transition>"
         elif "target" in attributes or way.target != state.id:
             yield f"    <transition{attributes}/>"
-        else:  # does nothing, but skips the transitions after it
+        else:  # has no effect, but skips the transitions after it
             yield f"    <transition{attributes} target={quoteattr(state.id)}/>"
     yield "  </State>"
 
@@ -111,7 +111,7 @@ def _function_lines(lines: Lines, indent: int) -> Iterator[str]:
 
 
 def _if_lines(line: IfLines, blanks: str) -> Iterator[str]:
-    """An `<if>` with its further branches inside: an `<else>` after it could be read as that of an outer one."""
+    """Write an `<if>` with its further branches inside: a later `<else>` could be read as that of an outer one."""
     (condition, inner), *others = line.branches
     yield f"{blanks}<if cond={quoteattr(condition or 'true')}>"
     yield from _function_lines(inner, len(blanks) + 2)
@@ -165,7 +165,7 @@ def _plain(text: str) -> str:
 
 
 MADE_FROM = "made from "
-"""The beginning of the head of a rules file that was made from a chart."""
+"""The start of the head of a rules file made from a chart."""
 _KEYS = "1234567890"
 
 
@@ -180,7 +180,7 @@ def is_made_file(text: str) -> bool:
 
 
 def outside_events(made: MadeRules) -> list[str]:
-    """The events that the rules wait for and that neither they nor their acts raise or send."""
+    """Return the events that the rules wait for and that neither they nor their acts raise or send."""
     own = {*made.raised, *(helper.place.event for helper in made.helpers)}
     ends = tuple(f"{act}_" for act in called_acts(made))
     return [event for event in made.awaited if event not in own and not event.startswith(ends)]
@@ -204,8 +204,8 @@ def _lines(block: Lines) -> Iterator[FunctionLine]:
 
 
 def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
-    """A study for the rules: a key that starts them, one key for each event from outside while there are digits, and
-    their acts. Each act says its name until somebody writes it.
+    """Return a study for the rules: a key that starts them, keys for events from outside as far as there are digits,
+    and their acts. Each act says its name until it is written.
 
     :param rules: the text of the rules file.
     """

@@ -1,4 +1,4 @@
-"""Converts a flat chart to rules: what is known in each state, what each transition does, and the rules themselves."""
+"""Converts a flat chart to rules: the knowledge in each state, the effect of each transition, and the rules."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from rise_exchange.scxml.translation import (
 )
 
 _STRUCTURE = ("chart", "namespace")
-"""Mistakes of a chart that prevent further checks. All other diagnostics are reported together."""
+"""Errors of a chart that prevent further checks. All other diagnostics are reported together."""
 START = "Start"
 """The state of the rule in which the chart's variables get their values."""
 _IDLE = Possible(frozenset({"boolean"}))
@@ -59,7 +59,7 @@ class MadeTransition(Struct, frozen=True):
     target: str
     lines: Lines
     entering: Lines
-    """The lines after those, on the way into the target."""
+    """The lines after those, for entering the target."""
 
 
 class MadeState(Struct):
@@ -125,7 +125,7 @@ class _RuleMaker:
         self.ways = list(all_transitions(chart.root))
         self.awaits_errors = any(matches(way, ERROR) for way in self.ways)
         self.is_final = False
-        """Whether what is known no longer changes, so that diagnostics count."""
+        """Whether the knowledge is final, so that diagnostics count."""
         self.translator = ContentTranslator(self.helpers, self.report, follows_values=True)
         self.seen: set[str] = set()
         """The possible events."""
@@ -133,9 +133,9 @@ class _RuleMaker:
         alone = {place.event: place for place in chart.places}
         several = [place for place in chart.places if alone[place.event] is not place]
         self.alone = {event: place for event, place in alone.items() if event not in {each.event for each in several}}
-        """For events that only one `<send>` sends, that one."""
+        """The `<send>` of each event that only one `<send>` sends."""
         self.is_exclusive = False
-        """Whether to assume that nothing else sends those events, so that an arriving event is always the sent one."""
+        """Whether to assume that nothing else sends those events, so that each comes from its `<send>`."""
         self.is_refused = False
         """Whether too many events may be pending."""
 
@@ -156,8 +156,8 @@ class _RuleMaker:
         return self.write()
 
     def needed_helpers(self) -> list[SendHelper]:
-        """As many rules for each `<send>` as it may need at once. This also follows the values of variables. The rules
-        themselves do not, so that they contain each condition of the chart."""
+        """Return as many rules for each `<send>` as it may need together. This follows the values of variables; the
+        rules do not, so that they contain each condition of the chart."""
         need = self.most_pending()
         if self.is_refused:
             self.is_exclusive = True
@@ -169,7 +169,7 @@ class _RuleMaker:
         return _helpers(need, self.name)
 
     def most_pending(self) -> dict[SendPlace, int]:
-        """How many events of each `<send>` may be pending; `is_refused`: too many."""
+        """Return the number of possibly pending events of each `<send>`; `is_refused`: too many."""
         self.is_refused = False
         self.follow_all()
         need = dict.fromkeys(self.chart.places, 1)
@@ -183,7 +183,7 @@ class _RuleMaker:
         return need
 
     def follow_all(self) -> None:
-        """Find out what is known everywhere, with all possible events."""
+        """Determine the knowledge everywhere, with all possible events."""
         self.seen = outside_events(self.chart)
         before = (-1, -1)
         while before != (now := (len(self.translator.raised), len(self.translator.raised_inside))):
@@ -192,7 +192,7 @@ class _RuleMaker:
             self.follow()
 
     def follow(self) -> None:
-        """Find out what is known in each flat state, from the beginning until nothing changes."""
+        """Determine the knowledge in each flat state, from the start until nothing changes."""
         first = self.flat.states[0]
         self.known = {first: self.start()[2]}
         waiting = [first]
@@ -208,7 +208,7 @@ class _RuleMaker:
                         waiting.append(target)
 
     def start(self) -> tuple[Lines, Lines, Knowledge]:
-        """The start of the rule: no helper runs, the variables get their values, the chart is entered."""
+        """Write the start of the rule: no helper runs, the variables get their values, the chart is entered."""
         lines: Lines = ()
         known: dict[str, Possible] = {}
         for helper in self.helpers:
@@ -232,7 +232,7 @@ class _RuleMaker:
         return lines + more, entering, now
 
     def live(self, state: FlatState) -> Iterator[tuple[FlatTransition, Knowledge, list[Said]]]:
-        """The possible transitions, with what is known before them and what must hold."""
+        """Return the possible transitions, with the knowledge before them and their conditions."""
         decided: set[str | None] = set()
         for transition in state.transitions:
             event = transition.event
@@ -247,7 +247,7 @@ class _RuleMaker:
             yield transition, known, conditions
 
     def with_event(self, known: Knowledge, event: str | None) -> Knowledge:
-        """What is known while an event is handled."""
+        """Return the knowledge while an event is handled."""
         if event is None:
             return known
         more = {"_event.name": Possible(frozenset({"text"}), event), "_event.invokeid": UNDEFINED}
@@ -259,7 +259,7 @@ class _RuleMaker:
         return {**known, **more}
 
     def conditions(self, transition: FlatTransition, known: Knowledge) -> list[Said] | None:
-        """The conditions that must hold; None: they never do."""
+        """Return the conditions that must hold; None: they never do."""
         found: list[Said] = []
         for script in transition.conditions:
             assert script.root is not None
@@ -284,7 +284,7 @@ class _RuleMaker:
         return found
 
     def check_conditions(self) -> None:
-        """Report conditions that are not expressions. They are false, and raise an event that rules cannot see."""
+        """Report conditions that are no expressions. They are false, and raise an event that rules cannot see."""
         for way in self.ways:
             if way.condition is not None and way.condition.root is None and self.awaits_errors:
                 message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"
@@ -353,7 +353,7 @@ class _RuleMaker:
         return MadeState(state.id, state.comment, (), ways)
 
     def kept(self, lines: Lines, awaited: dict[str, None]) -> Lines:
-        """The lines without events that the standard raises automatically and nobody waits for."""
+        """Return the lines without events that the standard raises automatically and that have no listener."""
         kept: list[FunctionLine | IfLines] = []
         for line in lines:
             if isinstance(line, IfLines):
@@ -364,7 +364,7 @@ class _RuleMaker:
 
 
 def _helpers(places: dict[SendPlace, int], rule: str) -> list[SendHelper]:
-    """The given number of rules for each `<send>`, with unique names."""
+    """Return the given number of rules for each `<send>`, with unique names."""
     beginning = _slug(rule) if re.match(r"[^\W\d]", rule) else f"_{_slug(rule)}"
     found: list[SendHelper] = []
     for place, count in places.items():
@@ -381,12 +381,12 @@ def _helpers(places: dict[SendPlace, int], rule: str) -> list[SendHelper]:
 
 
 def _slug(text: str) -> str:
-    """A text for use in a key."""
+    """Convert a text for use in a key."""
     return re.sub(r"\W", "_", text)
 
 
 def _comment(state: FlatState) -> str:
-    """The chart's active states, and what the histories remember, if the name does not show it."""
+    """Describe the chart's active states and its histories' memory, if the name does not show them."""
     active = sorted(state.configuration, key=lambda each: each.order)
     said = " ".join(each.id for each in active) if len(active) > 1 else ""
     for history, saved in sorted(state.history.items(), key=lambda item: item[0].order):
@@ -395,10 +395,10 @@ def _comment(state: FlatState) -> str:
 
 
 def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
-    """Move what all transitions into a state do on entering it to its onEntry.
+    """Move the common end of all transitions into a state to its onEntry.
 
     :param start: the transition into the first state.
-    :return: where the rule begins: in that state, if nothing must be done before it.
+    :return: the rule's first state: that state, if nothing must be done before it.
     """
     by_id = {state.id: state for state in states}
     entering: dict[str, list[Lines]] = {state.id: [] for state in states}
@@ -421,7 +421,7 @@ def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
 
 
 def _joined(way: MadeTransition, end: Lines) -> MadeTransition:
-    """A transition with all its actions in `lines`, except those that its target now does."""
+    """Return a transition with all its actions in `lines`, except those that its target now does."""
     entering = way.entering[: len(way.entering) - len(end)]
     return MadeTransition(way.event, way.condition, way.target, way.lines + entering, ())
 

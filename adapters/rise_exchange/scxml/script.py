@@ -1,7 +1,7 @@
 """Parses scripts in a chart: the part of ECMAScript that our conditions can express.
 
-A text that is certainly not ECMAScript (`return` as an expression) is distinguished from one that merely cannot be
-expressed here. For the first the standard says what happens (SCXML 5.9); the second is refused.
+Two cases differ. The standard defines the effect of a text that is certainly not ECMAScript, such as `return` as an
+expression (SCXML 5.9). A text that cannot be expressed here is refused.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from rise_engine.scenario.model import SourceLocation
 ILLEGAL = "illegal"
 """The code of a text that is not an expression of ECMAScript at all."""
 UNDECLARED = "undeclared"
-"""The code of a variable that does not exist: evaluating it is certainly an error. The message is its name."""
+"""The code of an undeclared variable: evaluating it is certainly an error. The message is its name."""
 
 
 class ChartRefusedError(RiseError, ValueError):
-    """A chart or a script that cannot be said exactly in our rules. `code` names the kind of reason."""
+    """Our rules cannot express a chart or a script exactly. `code` is the kind of reason."""
 
     def __init__(self, code: str, message: str, index: int = 0, location: SourceLocation | None = None) -> None:
         super().__init__(message)
@@ -60,7 +60,7 @@ class InState(Struct, frozen=True):
 
 
 class Operation(Struct, frozen=True):
-    """An operator with its operands; functions of Math are operators, too. `===` and `==` are different ones."""
+    """An operator or a function of Math, with its operands. `===` and `==` are different ones."""
 
     operator: str
     operands: tuple[ScriptNode, ...]
@@ -76,7 +76,7 @@ ScriptNode: TypeAlias = Constant | Variable | EventField | InState | Operation |
 
 
 REFUSED_NODE = Operation("refused", ())
-"""A placeholder for a script that was already reported as impossible to express."""
+"""A placeholder for a script that was reported as impossible to express."""
 
 
 class Script(Struct, frozen=True):
@@ -112,7 +112,7 @@ _NO_EXPRESSION = frozenset(
         "for", "if", "in", "instanceof", "return", "switch", "throw", "try", "var", "while", "with",
     }
 )  # fmt: skip
-"""Words that no expression can begin with."""
+"""Words that cannot begin an expression."""
 _LEVELS = (("||",), ("&&",), ("===", "!==", "==", "!="), ("<", "<=", ">", ">="), ("+", "-"), ("*", "/", "%"))
 _FUNCTIONS = {"floor": 1, "ceil": 1, "abs": 1}
 """The functions of Math with the same meaning here, and the number of their arguments."""
@@ -127,7 +127,7 @@ def read_script(text: str, location: SourceLocation) -> Script:
         parser = _ScriptParser(text)
         root = parser.expression()
         if parser.sign("=") and not isinstance(root, Variable | EventField):
-            return Script(text, None, location)  # `1` cannot be assigned to
+            return Script(text, None, location)  # nothing can be assigned to `1`
         parser.end()
     except ChartRefusedError as error:
         if error.code != ILLEGAL:
@@ -187,7 +187,7 @@ class _ScriptParser:
         return "\n" in self.text[before[2] + len(before[1]) : self.tokens[self.at][2]]
 
     def sign(self, *signs: str) -> str:
-        """The next token if it is one of these signs; it is then consumed."""
+        """Return the next token and consume it, if it is one of these signs."""
         group, word, _ = self.tokens[self.at]
         if group == _SIGN and word in signs:
             self.at += 1
@@ -347,7 +347,7 @@ class _ScriptParser:
 
 
 def _text_of(quoted: str, index: int) -> str:
-    """The value of a quoted text; only escapes with the same meaning here are known."""
+    """The value of a quoted text. Only escapes with the same meaning here are known."""
     try:
         value = unquote(quoted, quoted, 0)
     except ExpressionError as error:

@@ -1,8 +1,8 @@
 """Translates scripts of a chart to our conditions and values, exactly or not at all.
 
-The languages differ in what is true (ECMAScript: every number except 0), in equality (`'1' == 1`), and in `+`. The
-translation therefore finds out in advance which kinds of value a variable can have at a script's place. It refuses
-everything that would mean something else for one of them.
+The languages differ in truth (ECMAScript: every number except 0), in equality (`'1' == 1`), and in `+`. So the
+translation first determines the kinds of value that a variable can have at a script's place. It refuses everything with
+another meaning for one of them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_exchange.scxml.script import (
 )
 
 Kind = Literal["number", "text", "boolean", "null", "undefined", "list", "undeclared", "refused"]
-"""`undeclared`: the variable does not exist. `refused`: it was already reported that nothing is known of it."""
+"""`undeclared`: the variable does not exist. `refused`: nothing is known of it, which was reported."""
 
 
 class Possible(Struct, frozen=True):
@@ -36,18 +36,18 @@ class Possible(Struct, frozen=True):
     kinds: frozenset[Kind]
     constant: Any = None
     """The value if it is always the same: a tuple for a list; the text for a field of `_event`; a `Constant` for a
-    variable whose values are followed. Else None."""
+    variable whose values are followed. Otherwise None."""
     most: int = 0
-    """For a `<send>`: how many of its events can be pending."""
+    """For a `<send>`: the number of possibly pending events."""
 
     def joined(self, other: Possible) -> Possible:
-        """The possible values when it is one or the other."""
+        """Return the possible values of one or the other."""
         constant = self.constant if self.constant == other.constant else None
         return Possible(self.kinds | other.kinds, constant, max(self.most, other.most))
 
 
 Knowledge: TypeAlias = Mapping[str, Possible]
-"""What is known at one place of the chart, by the names of variables, including `_event.name`."""
+"""The knowledge at one place of the chart, by the names of variables, including `_event.name`."""
 
 
 class Said(Struct, frozen=True):
@@ -55,10 +55,10 @@ class Said(Struct, frozen=True):
 
     text: str
     strength: int
-    """How tightly its outermost operator binds; `_ATOM` never needs brackets."""
+    """The binding strength of its outermost operator; `_ATOM` never needs brackets."""
     value: Possible
     truth: bool | None = None
-    """Whether it holds, if that is known in advance."""
+    """Whether it holds, if known in advance."""
 
 
 _OR, _AND, _NOT, _EQUAL, _ORDER, _SUM, _PRODUCT, _NEGATIVE, _ATOM = range(9)
@@ -82,7 +82,7 @@ _NUMERIC: frozenset[Kind] = frozenset({"number", "boolean"})
 
 
 def known_constant(node: ScriptNode, knowledge: Knowledge) -> Possible | None:
-    """The value of a written constant or list of constants; None: it must be computed."""
+    """Return the value of a written constant or list of constants; None: it must be computed."""
     if isinstance(node, Constant):
         return _possible_of(node)
     if isinstance(node, ArrayNode) and all(isinstance(entry, Constant) for entry in node.entries):
@@ -94,7 +94,7 @@ def known_constant(node: ScriptNode, knowledge: Knowledge) -> Possible | None:
 
 
 def value_beforehand(node: ScriptNode, knowledge: Knowledge) -> Constant | None:
-    """The value that a script always gives, as ECMAScript computes it; None: unknown."""
+    """Return the constant value of a script, as ECMAScript computes it; None: unknown."""
     match node:
         case Constant():
             return node
@@ -124,22 +124,22 @@ def _work_out(operator: str, operands: list[Constant]) -> Constant | None:
 
 
 def say_constant(value: Constant) -> str:
-    """A constant in our language; `undefined` is null."""
+    """Write a constant in our language; `undefined` is null."""
     return json.dumps(value.value, ensure_ascii=False)
 
 
 def say_value(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """A value in our language. Raises ChartRefusedError."""
+    """Write a value in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).value(node)
 
 
 def say_condition(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """Whether a value is true in ECMAScript, in our language. Raises ChartRefusedError."""
+    """Write whether a value is true in ECMAScript, in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).truth(node)
 
 
 def all_hold(conditions: list[Said]) -> str:
-    """A condition that holds when all of these do; `true` if there are none."""
+    """Write a condition that holds if all of these do; `true` if there are none."""
     texts = [_bracketed(each, _NOT) if len(conditions) > 1 else each.text for each in conditions]
     return " and ".join(texts) or "true"
 
@@ -234,7 +234,7 @@ class _Translator:
     # --- truth ---
 
     def truth(self, node: ScriptNode) -> Said:
-        """A condition that holds when ECMAScript takes the value as true."""
+        """Write a condition that holds if the value is true in ECMAScript."""
         if isinstance(node, Operation) and node.operator in ("||", "&&", "not"):
             return self.logic(node.operator, node.operands)
         said = self.value(node)
@@ -367,7 +367,7 @@ _KIND_WORDS = {
 
 
 def _equality_of(left: Kind, right: Kind, is_strict: bool) -> str:
-    """How two kinds compare: `same` as in our language, `never` equal, or `unlike` ours."""
+    """Compare two kinds: `same` as in our language, `never` equal, or `unlike` ours."""
     kinds = {left, right}
     if "list" in kinds:
         return "unlike" if left == right else "never" if kinds & _NOTHING or is_strict else "unlike"
@@ -406,7 +406,7 @@ def _constant(holds: bool) -> Said:
 
 
 def _bracketed(said: Said, least: int) -> str:
-    """Its text, in brackets unless it binds at least this tightly."""
+    """Return its text, in brackets unless it binds at least this tightly."""
     return said.text if said.strength >= least else f"({said.text})"
 
 

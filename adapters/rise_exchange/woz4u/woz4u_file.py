@@ -1,6 +1,6 @@
 """Reads a WoZ4U configuration: one YAML file with lists of items, each a button (https://github.com/frietz58/WoZ4U).
 
-Pepper's texts in it, NAOqi's annotated text, become actions of an act:
+Pepper's texts, in NAOqi's annotated form, become actions of an act:
 
     Hello! ^start(animations/Stand/Gestures/Hey_1) I am here. ^wait(animations/Stand/Gestures/Hey_1) \\rspd=50\\ Slowly.
 
@@ -33,7 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 EYE_MOVEMENTS = {"rasta_anim": "rasta", "random_anim": "random", "rotate_anim": "rotate"}
 _NUMBERS = frozenset({"red", "green", "blue"})
 MAX_CHARACTERS = 300_000
-"""The most characters of a configuration, enough for thousands of buttons."""
+"""Maximum number of characters of a configuration, enough for thousands of buttons."""
 _MAX_DEPTH = 20
 
 
@@ -44,14 +44,14 @@ class WozItem(Struct, frozen=True):
     title: str
     values: dict[str, Any]
     keys: tuple[str, ...]
-    """The keys that are pressed together for it: `("ctrl", "1")`; empty: none."""
+    """Its keys, which are pressed together: `("ctrl", "1")`; empty: none."""
     is_default: bool
     """Whether it is shown when WoZ4U connects to the robot."""
     line: int
 
 
 class WozFile(Struct, frozen=True):
-    """The parts of a configuration that make up a study."""
+    """The parts of a configuration for a study."""
 
     items: tuple[WozItem, ...]
     rate: float
@@ -63,7 +63,7 @@ class WozFile(Struct, frozen=True):
 
 
 def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
-    """Read a configuration. Mistakes in an item become diagnostics at its line.
+    """Read a configuration. Errors in an item become diagnostics at its line.
 
     :param text: the YAML.
     :param name: the file's name, for diagnostics.
@@ -98,7 +98,7 @@ def _read_yaml(text: str, name: str) -> Any:
         raise ExchangeError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
 
     class ShallowParser(RoundTripParser):
-        """Stops at values nested deeper than in any configuration: reading time grows with the square of the depth."""
+        """Stops at values that are nested too deeply, because reading time grows with the square of the depth."""
 
         depth = 0
 
@@ -134,7 +134,7 @@ class _ConfigurationReader:
         self.diagnostics.error("woz4u", SourceLocation(self.name, line), message)
 
     def items(self, section: str, values: Any) -> Iterator[WozItem]:
-        """The items of a list; reports each entry that is not an item."""
+        """Yield the items of a list. Reports each entry that is no item."""
         listed = values.get(section)
         if listed is None:
             return
@@ -170,7 +170,7 @@ class _ConfigurationReader:
             yield WozItem("eyes", f"Eyes {movement}", given, self.keys(item, line), False, line)
 
     def keys(self, item: dict[str, Any], line: int) -> tuple[str, ...]:
-        """The keys of an item, which may be a single one, and numbers."""
+        """Return the keys of an item: one or several, texts or numbers."""
         keys = item.get("key_comb") or []
         keys = keys if isinstance(keys, list) else [keys]
         if all(isinstance(key, str | int) for key in keys):
@@ -204,7 +204,7 @@ _PLAIN_RATE, _PLAIN_VOLUME = 1.0, 1.0
 
 
 class MadeAction(Struct):
-    """An action of an act while it is made."""
+    """An unfinished action of an act."""
 
     type: str
     parameters: dict[str, str]
@@ -233,10 +233,10 @@ class SpeechReader:
         self._after: list[int] = []
         """The actions that the next words wait for."""
         self._running: dict[str, int] = {}
-        """Movements that were started and are not waited for yet, by name."""
+        """Started movements that nothing waits for yet, by name."""
 
     def read(self, text: str) -> list[MadeAction]:
-        """The actions of a text; none if it says nothing and moves nothing."""
+        """Return the actions of a text; empty: it has no speech and no movement."""
         text, at, words = " ".join(unescape(text).split()), 0, ""
         for mark in _MARK.finditer(text):
             words += text[at : mark.start()]
@@ -268,7 +268,7 @@ class SpeechReader:
         return len(self.actions)
 
     def _movement(self, word: str, name: str) -> Callable[[], None] | None:
-        """The effect of a mark about a movement; None: acts have nothing for it."""
+        """Return the effect of a mark about a movement; None: acts have no counterpart."""
 
         def begin() -> None:
             number = self._add(MadeAction("Animation", {"value": self.animation(name)}, list(self._after), name))
@@ -285,7 +285,7 @@ class SpeechReader:
         return wait if word == "wait" and name in self._running else None
 
     def _setting(self, word: str, value: str) -> Callable[[], None] | None:
-        """The effect of a mark about the voice; None: acts have nothing for it."""
+        """Return the effect of a mark about the voice; None: acts have no counterpart."""
         number = float(value) if re.fullmatch(r"\d+(\.\d+)?", value) else None
 
         def reset() -> None:
@@ -305,7 +305,7 @@ class SpeechReader:
         return {"pau": pause, "rspd": set_rate, "vol": set_volume}.get(word) if number is not None else None
 
     def animation(self, path: str) -> str:
-        """The profile's name for a movement of NAOqi: `hey` for `animations/Stand/Gestures/Hey_1`."""
+        """Return the profile's name for a movement of NAOqi: `hey` for `animations/Stand/Gestures/Hey_1`."""
         last = path.rstrip("/").rpartition("/")[2]
         stem = re.sub(r"_\d+\Z", "", last)
         name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", stem).replace(" ", "_").replace("-", "_").lower()

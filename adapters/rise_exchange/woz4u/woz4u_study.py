@@ -67,13 +67,13 @@ parameters.duration = {{ type = "number", unit = "ms", minimum = 0 }}
 
 
 class ImportedStudy(Struct, frozen=True):
-    """A scenario folder while it is made."""
+    """An unfinished scenario folder."""
 
     files: dict[str, str]
     says: tuple[str, ...]
-    """What each part has become, for the screen."""
+    """The result for each part, for the screen."""
     left_out: tuple[str, ...]
-    """What was not taken over, and why."""
+    """Omitted parts, with the reason."""
 
 
 class _MadeAct(Struct):
@@ -84,10 +84,10 @@ class _MadeAct(Struct):
 
 
 def make_study(title: str, woz: WozFile, robot: RobotProfile, read_text: Callable[[str], str | None]) -> ImportedStudy:
-    """A scenario with an act for each item of a configuration.
+    """Make a scenario with an act for each item of a configuration.
 
     :param robot: the profile of its robot, Pepper.
-    :param read_text: the content of a text file that an item says, by its name; None: it does not exist.
+    :param read_text: returns the content of a text file that an item speaks, by its name; None: it does not exist.
     """
     return _StudyMaker(title, woz, robot, read_text).make()
 
@@ -195,7 +195,7 @@ class _StudyMaker:
         return name
 
     def _name(self, item: WozItem) -> str:
-        """A unique name for an act."""
+        """Return a unique name for an act."""
         plain = "_".join(re.findall(r"\w+", item.title)) or _ENDINGS[item.section]
         taken = {act.name for act in self.acts} | {_BEGINNING}
         names: Iterator[str] = (
@@ -206,7 +206,7 @@ class _StudyMaker:
     # --- keys -------------------------------------------------------------------------------------------------------
 
     def _give_keys(self) -> None:
-        """Give each act a key: the last of its keys in WoZ4U if that is free, else the next free one."""
+        """Give each act a key: the last of its keys in WoZ4U if that is free, otherwise the next free one."""
         free = [key for key in _POOL if _is_bindable(key)]
         for act in self.acts:
             wanted = act.item.keys[-1] if act.item.keys else ""

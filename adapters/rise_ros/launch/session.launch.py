@@ -1,4 +1,4 @@
-"""A session, and the programs that it needs.
+"""A session with the programs that it needs.
 
     ros2 launch rise_ros session.launch.py config:=$HOME/studies/lab_opening robot:=rise mode:=real robot_sim:=true
 
@@ -25,7 +25,7 @@ from launch_ros.actions import Node
 from rise_ros import session_arguments as arguments
 
 RESTARTS = 5
-"""How often a crashed engine is started again, so that one that cannot run does not restart forever."""
+"""Maximum number of restarts of a crashed engine."""
 RESTART_SECONDS = 1.0
 
 
@@ -52,9 +52,8 @@ def launch(context):
 
 
 def engine(given, restarts):
-    """The session's process, and what happens at its end."""
-    # To end a session, the engine stops the robot, waits for its answer and completes the record: up to 11 s, and 20 s
-    # more with recorders.
+    """Return the session's process, and the reaction to its end."""
+    # At the end, the engine stops the robot, waits for its answer and completes the record: up to 31 s with recorders.
     node = Node(
         package="rise_ros",
         executable="engine",

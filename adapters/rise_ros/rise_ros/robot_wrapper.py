@@ -1,13 +1,13 @@
 """The reference robot wrapper: it takes RISE's behaviours from ROS and passes them to a robot's own API.
 
 Copy this file and `session_watch.py` into your own package, and fill in the class `MyRobot`. The rest can stay
-unchanged. What you get:
+unchanged. It has:
 
 - a ROS 2 action server for each behaviour of your robot, under the names of the robot profile `rise`
   (rise/robot/speech, rise/robot/look_at, ...), relative, so that a namespace or a remapping moves them;
 - one goal of a behaviour at a time; a newer one replaces it (or is rejected: parameter `when_busy`);
 - cancelling that reaches the robot, also for RISE's stop-all, which asks every server to cancel everything;
-- progress as feedback, and a reason in words for every failure;
+- progress as feedback, and a sentence for every failure;
 - a dead man's switch: without a sign of life from the session the robot stops, and accepts no goals until it returns
   (parameters `session_timeout`, in seconds, 0: off; and `require_session`);
 - a clean end on ctrl+c: the robot stops first, and waiting clients get an answer.
@@ -47,21 +47,21 @@ EMOTIONS = {
 
 
 class RobotError(Exception):
-    """The robot cannot do it, or it failed; the wizard reads the text."""
+    """The robot cannot do it, or it failed. The text is for the wizard."""
 
 
 class MyRobot:
     """YOUR ROBOT. Each method carries out one behaviour: it receives the goal (see the .action files of rise_interfaces
     for fields and units), starts the movement, and returns at its end.
 
-    - Wait with `run.wait(seconds)`, as often as you like; never with time.sleep. When somebody cancels the goal,
-      `run.wait` raises `Stopped`: stop the robot in a `finally` or `except Stopped`, and let the exception pass.
+    - Wait with `run.wait(seconds)`, never with time.sleep. When the goal is cancelled, `run.wait` raises `Stopped`:
+      stop the robot in a `finally` or `except Stopped`, and let the exception pass.
     - Report the progress with `run.progress(0.5)`, if you know it.
-    - Raise RobotError("...") when the robot cannot do it.
+    - Raise RobotError("...") if the robot cannot do it.
     - Methods of different behaviours are called at the same time, from several threads: the robot speaks while it looks
       somewhere. If your API does not allow that, put a lock around its calls (not around the waiting).
     - Delete the methods that your robot cannot do. Their actions are then not offered, and RISE reports this before the
-      study, not during it.
+      study.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -131,7 +131,7 @@ def seconds(duration: Any) -> float:
 
 
 class Stopped(Exception):
-    """The goal is no longer wanted; the text says why."""
+    """The goal is no longer wanted. The text gives the reason."""
 
 
 class Run:
@@ -151,7 +151,7 @@ class Run:
         self._stop.set()
 
     def check(self) -> None:
-        """Raise Stopped when the goal was cancelled or replaced."""
+        """Raise Stopped if the goal was cancelled or replaced."""
         if self._stop.is_set():
             raise Stopped(self._reason)
 
@@ -169,7 +169,7 @@ class Run:
         self.check()
 
     def progress(self, part: float) -> None:
-        """Report the finished part, from 0 to 1; sent at most 5 times a second."""
+        """Report the finished part, from 0 to 1. It is sent at most 5 times a second."""
         now = time.monotonic()
         if now - self._told >= 0.2:
             self._told = now
@@ -205,13 +205,13 @@ class Behaviour:
             handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
             callback_group=ReentrantCallbackGroup(),
-            # Seconds for which a result can be requested. With rclpy's 15 minutes, the list of goals, which is sent at
-            # every change, grows longer and longer: after ten minutes of work an act takes 150 ms instead of 28.
+            # Seconds for which a result can be requested. With rclpy's 15 minutes, the list of goals, sent at every
+            # change, grows: after ten minutes of work an act takes 150 ms instead of 28.
             result_timeout=10,
         )
 
     def stop(self, reason: str) -> list[Run]:
-        """Stop all goals; returns those that still have to end."""
+        """Stop all goals. Returns those that must still end."""
         with self._lock:
             runs = list(self._runs.values())
         for run in runs:
@@ -243,8 +243,8 @@ class Behaviour:
         return CancelResponse.ACCEPT
 
     def _execute(self, goal_handle: Any) -> Any:
-        """Carry out a goal, in a thread of the executor. It must always return a result of the right type: with any
-        other, the client would wait forever."""
+        """Carry out a goal, in a thread of the executor. Without a result of the right type, the client would wait
+        forever."""
         id = bytes(goal_handle.goal_id.uuid)
         run = self._runs[id]
         reason = ""
@@ -305,7 +305,7 @@ class DeadMansSwitch:
 def main(arguments: list[str] | None = None) -> None:
     """Offer the robot's behaviours until ctrl+c or SIGTERM."""
     ending = threading.Event()
-    # We handle signals: with rclpy's own handlers the context would be gone before the robot has stopped.
+    # With rclpy's own signal handlers, the context would be gone before the robot has stopped.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())

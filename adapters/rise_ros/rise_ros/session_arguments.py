@@ -1,7 +1,7 @@
 """The arguments of the launch file `session.launch.py`, and the command lines that it makes from them.
 
-Only Python's own library is used here: `ros2 launch` runs with the system's Python, in which rise-tui is not installed.
-The options of `rise-engine serve` are therefore repeated here; tests compare them with the program's own.
+It uses only Python's own library: `ros2 launch` runs with the system's Python, in which rise-tui is not installed. So
+the options of `rise-engine serve` are repeated here; tests compare them with the program's own.
 """
 
 from __future__ import annotations
@@ -58,19 +58,18 @@ ARGUMENTS = {
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
 _IN_ORDER = {*range(7), 74, 130}
-"""Exit statuses after which a restart is useless: the session ended, even with a robot that may still be doing
-something (6) or without the end of its record (74), or was refused (as in the systemd unit)."""
+"""Exit statuses after which a restart is useless: the session ended, even with open goals on the robot (6) or without
+the end of its record (74), or was refused (as in the systemd unit)."""
 
 
 def typed_arguments(command: Sequence[str], file: str) -> list[str]:
-    """The words of a command line, `ros2 launch PACKAGE FILE NAME:=VALUE ...`, that are for a launch file; empty if
-    another file includes this one."""
+    """Return a command line's words for a launch file (`ros2 launch ...`); empty: another file includes this one."""
     places = [place for place, word in enumerate(command) if word.rpartition("/")[2] == file]
     return [word for word in command[places[0] + 1 :] if ":=" in word] if places else []
 
 
 def find_problems(given: Mapping[str, str], typed: Iterable[str]) -> list[str]:
-    """A sentence for each argument that cannot be used. `typed`: the result of `typed_arguments`."""
+    """Return a sentence for each argument that cannot be used. `typed`: the result of `typed_arguments`."""
     problems = []
     for word in typed:
         name = word.partition(":=")[0]
@@ -96,8 +95,8 @@ def engine_arguments(given: Mapping[str, str]) -> list[str]:
 
 
 def engine_ros_arguments(given: Mapping[str, str]) -> list[str]:
-    """The arguments after `--ros-args`. Options are parameters there: the engine itself checks them, and `[a, b]` gives
-    a repeatable option several times."""
+    """Return the arguments after `--ros-args`. Options are parameters there: the engine itself checks them, and
+    `[a, b]` gives a repeatable option several times."""
     words = ["--params-file", given["params_file"]] if given["params_file"] else []
     for name in SERVE_OPTIONS:
         value = given[name]
@@ -107,7 +106,7 @@ def engine_ros_arguments(given: Mapping[str, str]) -> list[str]:
 
 
 def _quote(text: str) -> str:
-    """A text as YAML, whatever it contains."""
+    """Write any text as YAML."""
     return "'" + text.replace("'", "''") + "'"
 
 
@@ -118,7 +117,7 @@ def robot_arguments(given: Mapping[str, str]) -> list[str]:
 
 
 def robot_ros_arguments(given: Mapping[str, str]) -> list[str]:
-    """The part of `ros_arguments` that both sides of an action need: its remappings."""
+    """Return the part of `ros_arguments` that both sides of an action need: its remappings."""
     words = shlex.split(given["ros_arguments"])
     remaps = [after for word, after in pairwise(words) if word in ("-r", "--remap")]
     return [word for remap in remaps if not remap.startswith("__") for word in ("-r", remap)]
@@ -130,5 +129,5 @@ def is_crash(returncode: int) -> bool:
 
 
 def after_a_crash(given: Mapping[str, str]) -> dict[str, str]:
-    """The same arguments to continue the unfinished session. (A file of parameters may say `new`.)"""
+    """Return the same arguments to continue the unfinished session. (A file of parameters may say `new`.)"""
     return {**given, "new": "false", "tasks": "", "recover": "true"}

@@ -1,6 +1,6 @@
-"""Whether the session that moves a robot still gives signs of life: the logic of a dead man's switch, without ROS.
+"""The logic of a dead man's switch, without ROS: whether the session that moves a robot gives signs of life.
 
-A session announces itself and its state twice a second on the topic `rise/session`, and at its end that it is over.
+A session announces itself and its state twice a second on the topic `rise/session`, and at the end, that it is over.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ TOPIC = "rise/session"
 
 
 class SessionWatch:
-    """Decides from the session's announcements whether the robot may move. Seconds are of any running clock."""
+    """Decides by the session's announcements whether the robot may move. Seconds are of any running clock."""
 
     def __init__(self, timeout: float, *, required: bool = False) -> None:
         """`timeout`: seconds without a sign of life after which the robot may not move; 0: it always may. `required`:
-        it may not move without a session either. Otherwise it may move until one has been heard, and after one has
-        ended in order, so that others can use it, such as `ros2 action send_goal`."""
+        it may not move without a session either. Otherwise it may move before the first session, and after one has
+        ended in order, so that other programs can use it, such as `ros2 action send_goal`."""
         self._timeout = timeout
         self._required = required
         self._heard: dict[str, float] = {}
-        """The sessions that are there, by id, each with its last sign of life."""
+        """The present sessions by id, each with its last sign of life."""
 
     def hear(self, said: str, now: float) -> None:
-        """Take in a message of the topic."""
+        """Process a message of the topic."""
         try:
             announced = json.loads(said)
             session, state = str(announced["id"]), announced["state"]
@@ -35,10 +35,10 @@ class SessionWatch:
             self._heard.pop(session, None)
 
     def why_not_move(self, now: float) -> str:
-        """Why the robot may not move; empty when it may.
+        """Why the robot may not move; empty: it may.
 
-        One silent session is enough, whatever others say: the robot may be moving for that one. Another session lifts
-        this after twice the timeout, in which the robot has stopped.
+        One silent session is enough, because the robot may be moving for it. Another session lifts this after twice the
+        timeout, in which the robot has stopped.
         """
         if self._timeout <= 0:
             return ""

@@ -62,7 +62,7 @@ def assign(key: str, value: Any, **options: Any) -> TaskLeaf:
 
 
 class TaskLeaf(py_trees.behaviour.Behaviour):
-    """One task of a session. It can be ticked again after its end, and is then a new task."""
+    """One task of a session. Ticked again after its end, it is a new task."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing of it is known to run in the session: a halted task ends a little later."""
+        """Whether nothing of it is known to run in the session. (A halted task ends a little later.)"""
         return self._goal is None or self._goal.is_over
 
     def setup(self, **options: Any) -> None:
@@ -148,7 +148,7 @@ class Goal:
         return self.is_refused or self.result is not None
 
     def cancel(self) -> None:
-        """Cancel the task. Before the session has answered, this waits for the answer."""
+        """Cancel the task, perhaps only after the session has answered."""
         self._is_unwanted = True
         if self.handle is not None:
             self.handle.cancel_goal_async()
@@ -177,7 +177,7 @@ KINDS = {"act": start_act, "rule": start_rule, "event": raise_event}
 PERIOD = 0.1
 """Seconds between two ticks."""
 LAST_WAIT = 2.0
-"""The most seconds for which an interrupted tree waits until the session has cancelled its task."""
+"""Maximum seconds for which an interrupted tree waits until the session has cancelled its task."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     root = py_trees.composites.Sequence("Tasks", memory=True)
     root.add_children([KINDS[kind](name) for kind, _, name in named])
-    # We handle signals: with rclpy's own handlers the connection would be gone before the tree could cancel its task.
+    # With rclpy's own signal handlers, the connection would be gone before the tree could cancel its task.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

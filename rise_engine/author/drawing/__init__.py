@@ -1,1 +1,1 @@
-"""How people see rules, acts and keys: their wording, the layout that the console shows, and pictures."""
+"""Rules, acts and keys for people: their wording, the layout in the console, and pictures."""

@@ -1,9 +1,9 @@
-"""An act's graph as lines beside its actions: which action must end before which begins. Pure.
+"""An act's graph as lines beside its actions, which show the actions that each action waits for. Pure.
 
 Time runs downwards, level by level, with one row for each action. A line means "this action has ended". It begins at
 its action (`╭`, or `┬` to the right of others) and leads down to every action that waits for it (`├ ┼`, and `╰ ┴` at
-the last one). A line that only passes is drawn over the others (`│`). `╶` marks an action that waits for nothing and
-that nothing waits for. Before its first run, an act's duration is estimated level by level, too.
+the last one). A line that only passes is drawn over the others (`│`). `╶` marks an action that neither waits nor is
+awaited. This module also estimates an act's duration level by level, before its first run.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[
 
 
 _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}
-"""How a line meets the row of a waiting action, by: no other line is to its left, it ends here."""
+"""How a line meets the row of a waiting action, by: it has no other line to its left, it ends here."""
 
 
 class ActRow(NamedTuple):
@@ -83,13 +83,13 @@ class ActRow(NamedTuple):
     position: int
     """Index in the act."""
     level: int
-    """From 1. It can begin when the levels before have ended."""
+    """From 1. It can begin when all earlier levels have ended."""
     first: bool
     """Whether it is the first of its level."""
     rails: str = ""
     """Box-drawing characters, the same number in every row."""
     untold: tuple[str, ...] = ()
-    """Ids of actions that it waits for and whose line does not lead here, because there are too many lines."""
+    """Ids of actions that it waits for, but whose lines do not lead here, because there are too many lines."""
 
 
 def act_rows(act: Act, most: int) -> list[ActRow]:

@@ -1,6 +1,6 @@
 """Rules and acts as pictures: in text, as SVG and as Mermaid diagrams.
 
-Text and SVG are made of the same rows: lines at the left, words to their right.
+Text and SVG use the same rows: lines at the left, words to their right.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ PieceRole: TypeAlias = Literal["name", "label", "note"]
 FAR = 8
 """Rows of a rail beyond which the label also names the target."""
 LEAST_NAME = 4
-"""Cells of a state's name that always stay visible."""
+"""Minimum cells of a state's name that stay visible."""
 INDENT = 2
-"""Cells that indent transitions behind names where a state and its transition down share a row."""
+"""Cells of indentation for transitions behind names, if a state and its transition down share a row."""
 MOST_LINES = 8
-"""Lines side by side in an act."""
+"""Maximum number of lines side by side in an act."""
 
 
 class Piece(NamedTuple):
@@ -61,7 +61,7 @@ class Picture(NamedTuple):
 
 
 def picture_of_rule(rule: Rule, width: int) -> Picture:
-    """Draw a rule as the console shows it while it does not run."""
+    """Draw a rule like the console does for a rule that is not running."""
     layout = lay_out_graph(rule, width)
     ways = sum(len(state.transitions) for state in rule.states.values())
     summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(ways, 'transition')}"
@@ -113,7 +113,7 @@ def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
 
 
 def picture_of_act(act: Act, width: int) -> Picture:
-    """Draw an act: which actions must end before which begin."""
+    """Draw an act with the order of its actions."""
     rows = act_rows(act, MOST_LINES)
     ids = max((cell_length(action.id) for action in act.actions), default=0)
     types = max((cell_length(_types_text(action)) for action in act.actions), default=0)
@@ -138,7 +138,7 @@ def _action_row(action: Action, row: ActRow, ids: int, types: int, width: int) -
 
 
 def call_text(call: ActionCall) -> str:
-    """Shorten what an action says, or its parameters, as the author wrote them; memory values are in braces."""
+    """Shorten an action's text or parameters, as the author wrote them, with memory values in braces."""
     parameters = {name: template.text for name, template in call.parameters.items()}
     message = parameters.pop("message", None)
     said = [] if message is None else [f"“{plain_words(message).strip()}”"]
@@ -165,7 +165,7 @@ MARGIN = 16
 HEADING = 34
 """Height of a picture's title."""
 GAP = 20
-"""Between two pictures."""
+"""Pixels between two pictures."""
 
 _ENDS = {
     "│": "UD",
@@ -193,7 +193,7 @@ _STYLE = (
 def svg_text(title: str, pictures: Sequence[Picture]) -> str:
     """Draw all pictures below each other.
 
-    :param title: what a screen reader announces.
+    :param title: the title for screen readers.
     """
     width = 2 * MARGIN + CELL * max((_used_width(picture) for picture in pictures), default=40)
     height = MARGIN

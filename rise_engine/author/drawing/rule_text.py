@@ -1,4 +1,4 @@
-"""Why a rule is in its state: what each transition waits for, and what the wizard can do about it. Pure."""
+"""Why a rule is in its state: the event, time or condition of each transition, and what the wizard can do. Pure."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
 def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
-    """Return whether a condition holds with these values: `None` always holds, a condition with an error never does."""
+    """Return whether a condition holds with these values: `None` always does, a condition with an error never does."""
     if condition is None:
         return True
     try:
@@ -48,7 +48,7 @@ def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
 
 class ConditionParts(NamedTuple):
     joint: Joint
-    """The operator between them; empty for a condition of one part."""
+    """The operator between them; empty: the condition has one part."""
     parts: tuple[Expression, ...]
 
 
@@ -61,7 +61,7 @@ def split_condition(condition: Expression) -> ConditionParts:
     try:
         texts = _split_text(condition.text, _JOINTS[root.operator])
         found = tuple(Expression.parse(text) for text in texts)
-        if tuple(part.root for part in found) != root.operands:  # the text's own pieces mean something else
+        if tuple(part.root for part in found) != root.operands:  # the pieces of the text have another meaning
             found = tuple(Expression.parse(with_all_brackets(operand)) for operand in root.operands)
     except LanguageError:
         return ConditionParts("", (condition,))
@@ -69,7 +69,7 @@ def split_condition(condition: Expression) -> ConditionParts:
 
 
 def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
-    """Split the text at these words where they are outside of brackets and quotes."""
+    """Split the text at these words outside of brackets and quotes."""
     bare = text.strip()
     while bare.startswith("(") and _find_closing(bare) == len(bare) - 1:
         bare = bare[1:-1].strip()
@@ -83,7 +83,7 @@ def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
 
 
 def _find_closing(text: str) -> int:
-    """Find where the bracket that opens a text is closed."""
+    """Find the bracket that closes the text's first one."""
     depth = 0
     for found in _PIECE.finditer(text):
         depth += _LEVELS.get(found[0], 0)
@@ -101,7 +101,7 @@ def delay_text(delay: Delay) -> str:
 
 
 def transition_label(transition: Transition, *, condition: bool = False) -> str:
-    """Name a transition in short: its event, time or condition; with `condition`, also the condition of an event.
+    """Return a short name of a transition: its event, time or condition; with `condition`, also an event's condition.
 
     >>> transition_label(Transition(event="next", target="Tea"))
     'next'
@@ -130,11 +130,11 @@ ENDING_VERBS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_
 
 
 MOST_PARTS = 20
-"""Parts above which only the number of a value's parts is shown."""
+"""Maximum number of parts of a value that are shown; above, only their number is."""
 
 
 class Truth(NamedTuple):
-    """A condition at this moment."""
+    """The present value of a condition."""
 
     text: str
     values: str
@@ -144,7 +144,7 @@ class Truth(NamedTuple):
 
 
 def _short_value(value: Any) -> str:
-    """Format a value that is shown beside others; a long list or object is given by its size."""
+    """Format a value that is shown beside others; for a long list or object, give its size."""
     if isinstance(value, list | dict) and len(value) > MOST_PARTS:
         return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
     return format_value(value)
@@ -166,7 +166,7 @@ def truth_of(expression: Expression, memory: Mapping[str, Any], shown: Callable[
 
 
 def wait_text(scenario: Scenario, transition: Transition) -> str:
-    """Say in words what must happen for a transition."""
+    """Describe what a transition waits for."""
     if transition.after is not None:
         time = delay_text(transition.after)
         return f"{time} to pass" if transition.held is None else f"its condition to hold for {time}"
@@ -184,7 +184,7 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
 
 
 def engine_raises_text(scenario: Scenario, topic: str) -> str:
-    """Say that the engine itself raises this event about an act or a rule; empty for other events."""
+    """Return the sentence that the engine itself raises this event about an act or a rule; empty: another event."""
     found = parse_engine_event(scenario, topic)
     return f"{found[0]} raises this event itself when it {ENDING_VERBS[found[1]]}" if found is not None else ""
 
@@ -209,7 +209,7 @@ def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
 
 
 def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
-    """Find the act or rule whose end raises this event; None for a failure or a stop: nobody starts an act to fail."""
+    """Find the act or rule whose end raises this event; None: a failure or a stop, for which nothing is started."""
     found = parse_engine_event(scenario, topic)
     if found is not None:
         return found[0] if found[1] in ("_end", "_succeeded") else None
@@ -218,7 +218,7 @@ def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
 
 
 def awaited_ends(transition: Transition) -> tuple[str, ...]:
-    """Return the endings that a transition awaits from its rule's own act: `_end`, or those that it names."""
+    """Return the endings of its rule's own act that a transition awaits: `_end`, or the given ones."""
     return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
 
 
@@ -233,13 +233,13 @@ def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
 
 
 def events_raised_by(rule: Rule) -> frozenset[str]:
-    """Collect every topic that a rule raises anywhere, without its slash."""
+    """Collect all topics that a rule raises, without slash."""
     raised = (function.argument for function in rule.functions if function.name == "raiseEventTopic")
     return frozenset(map(normal_topic, raised))
 
 
 def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
-    """Yield every function of a block, and whether it always runs, whatever the memory and chance say."""
+    """Yield every function of a block, and whether it always runs, whatever the memory and chance."""
     for statement in block:
         match statement:
             case Function():

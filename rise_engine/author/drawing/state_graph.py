@@ -64,7 +64,7 @@ def shorten_to(text: str, width: int) -> str:
 # --- the order of states ----------------------------------------------------------------------------------------------
 
 Ways = Mapping[str, Sequence[str]]
-"""For every state, the states that it can go to, in the file's order, each once."""
+"""For every state, its possible next states in the file's order, each once."""
 
 
 class StateOrder(NamedTuple):
@@ -72,7 +72,7 @@ class StateOrder(NamedTuple):
 
     states: tuple[str, ...]
     reached: int
-    """How many of them, from the first on, the rule can reach; the others follow."""
+    """How many states, from the first on, the rule can reach; the others follow."""
 
 
 def find_state_order(rule: Rule) -> StateOrder:
@@ -152,11 +152,11 @@ Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
 """How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state again."""
 
 LONG = 26
-"""Rows of a rule above which a state and its transition down share a row."""
+"""Maximum number of rows in which a state and its transition down have a row each."""
 ROOM_FOR_BOTH = 44
-"""Cells that such a row needs for its texts."""
+"""Cells that a shared row needs for its texts."""
 MARKS = 12
-"""Cells kept free after a name for a state's marks: `  maybe next`."""
+"""Cells that stay free after a name for a state's marks: `  maybe next`."""
 
 
 class GraphEdge(NamedTuple):
@@ -184,9 +184,9 @@ class GraphRow(NamedTuple):
     rails: str = ""
     """The cells left of the node."""
     node: str = ""
-    """The character of a transition in the column of the states; empty for a state, whose mark changes."""
+    """The character of a transition in the column of the states; empty: a state, whose mark changes."""
     notes: tuple[str, ...] = ()
-    """What is always true of a state: `start`, `end`, `never reached`."""
+    """Constant remarks on a state: `start`, `end`, `never reached`."""
 
 
 class GraphLayout(NamedTuple):
@@ -305,7 +305,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
 
 
 def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
-    """Give each target one rail, short transitions first: where there is no room, the farthest go without."""
+    """Give each target one rail, short transitions first. If there is no room, the longest have none."""
     rails: dict[str, _Rail] = {}
     for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
         target = edge.target or ""

@@ -1,4 +1,4 @@
-"""The keys of a study: their titles, and which of them a running rule waits for. Pure."""
+"""The keys of a study: their titles, and the keys that running rules wait for. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ACT, RULE, EVENT, SET = "startCommunicationRobotAct", "startInteractionRule", "r
 
 
 def key_title(binding: KeyBinding) -> str:
-    """Return a key's title: the author's label, or words for what the key does."""
+    """Return a key's title: the author's label, or words for its function."""
     if binding.title:
         return binding.title
     name = binding.behavior.strip()
@@ -53,12 +53,12 @@ def _assignment_title(text: str) -> str:
 
 
 class StudyKeys:
-    """What each key of a scenario can bring about."""
+    """The possible effects of each key of a scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.events_of_rule = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
-        """By rule name: every topic that it raises anywhere, without its slash."""
+        """By rule name: all topics that it raises, without slash."""
         self._by_task: dict[tuple[str, str], KeyBinding] = {}
         """If several keys have the same task, the first of the file."""
         self._by_topic: dict[str, list[KeyBinding]] = {}
@@ -76,19 +76,20 @@ class StudyKeys:
         self._assignments = [(key, assignment) for key, assignment in assignments if assignment is not None]
         answers = self._find_answers()
         self.answer_keys = tuple(key for key in keys if key.key in answers)
-        """Keys that some state of a rule may wait for, in the order of the file."""
+        """Keys that some state of a rule may wait for, in the file's order."""
         self.other_keys = tuple(key for key in keys if key.key not in answers and key.function != ACT)
         """The other keys that do not start an act."""
         self.act_keys = tuple(key for key in keys if key.key not in answers and key.function == ACT)
 
     def key_of(self, function: str, behavior: str) -> KeyBinding | None:
-        """Return the key that submits this, if there is one."""
+        """Return the key that submits this; None: there is none."""
         return self._by_task.get((function, normal_topic(behavior)))
 
     def keys_for(
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> Iterator[KeyBinding]:
-        """Yield the keys that would make a rule take this transition now; `running` acts and rules are not started."""
+        """Yield the keys that would make a rule take this transition now. `running` acts and rules cannot be
+        started."""
         if transition.is_eventless and transition.condition is not None:
             yield from self.keys_setting(transition.condition, memory)
         if transition.event is None:
@@ -109,7 +110,7 @@ class StudyKeys:
         return self._by_topic.get(topic, ()) if topic is not None else ()
 
     def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
-        """Yield the keys that set a value so that a condition holds which does not hold now."""
+        """Yield the keys that set a value so that a false condition becomes true."""
         if is_met(condition, memory):
             return
         for key, assignment in self._assignments_for(condition):
@@ -138,7 +139,7 @@ class StudyKeys:
         return [(key, each) for key, each in self._assignments if each.key.partition(".")[0] in heads]
 
     def _find_answers(self) -> set[str]:
-        """Find the keys that some state could wait for, whatever the memory holds."""
+        """Find the keys that some state could wait for, whatever the memory."""
         rules = self.scenario.rules.values()
         started = {function.argument for rule in rules for function in rule.functions if function.name == ACT}
         return {

@@ -49,7 +49,7 @@ _ID = re.compile(r"[^,;\s]+")
 
 
 def spec_of(study: StudyState, type: str) -> ActionSpec:
-    """Return an action that the study's robot has. :raises EditRefused: it has none of this name."""
+    """Return an action of the study's robot. :raises EditRefused: it has none of this name."""
     robot = study.checked.robot
     spec = robot.actions.get(type)
     if spec is None:
@@ -119,7 +119,7 @@ def _check_ids(act: WrittenAct, ids: Iterable[str]) -> None:
 
 
 def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
-    """Plan the removal of an action; actions that waited for it then wait for what it waited for."""
+    """Plan the removal of an action; its successors then wait for its predecessors."""
     act, action = action_of(study, edit.act, edit.action)
     check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
     alone = sum(each.node is action.node for each in act.actions) == 1
@@ -242,7 +242,7 @@ def _in_order(action: Element, new: NewElement, order: Sequence[str]) -> Splice:
 
 
 def plan_set_waits(edit: SetWaits, study: StudyState) -> Plan:
-    """Plan what an action waits for."""
+    """Plan which actions an action waits for."""
     action = _changeable(study, edit.act, edit.action)
     _check_ids(act_of(study, edit.act), edit.wait_for)
     if edit.action in edit.wait_for:
@@ -267,7 +267,7 @@ def _waits_splices(action: Element, wait_for: Iterable[str]) -> list[Splice]:
 
 
 def plan_set_failure(edit: SetActionFailure, study: StudyState) -> Plan:
-    """Plan whether the act goes on when an action has failed."""
+    """Plan whether the act continues after a failed action."""
     action = _changeable(study, edit.act, edit.action)
     element = next((child for child in action.node if child.tag == "onFailure"), None)
     if edit.continues == action.continues and (edit.continues or element is None):
@@ -362,7 +362,7 @@ def plan_add_variant(action: WrittenAction, new: NewElement, says: str) -> Plan:
 
 
 def _without(element: Element, gone: list[Element]) -> str:
-    """Return an element as it is written, without some of its children."""
+    """Return the text of an element without some of its children."""
     start = element.start
     return changed_text(
         element.written, [Splice("", each.start - start, each.end - start, "") for each in removals(gone)]
@@ -374,7 +374,7 @@ def _instead(node: Element, written: str, says: str) -> Plan:
 
 
 def plan_remove_variant(action: WrittenAction, variant: int, says: str) -> Plan:
-    """Plan a wording's removal; a single one left becomes an action again, unless a comment is beside it."""
+    """Plan a wording's removal; a single remaining one becomes an action again, unless a comment is beside it."""
     gone = removal(action.calls[variant].node)
     if len(action.calls) > 2:
         return Plan((gone,), says=(says,))

@@ -20,7 +20,7 @@ from rise_engine.scenario.files.xml import XmlFile, count_places
 from rise_engine.syntax.xml import Element
 
 _SHOWN = 5
-"""Places that a sentence names."""
+"""Maximum number of places in a sentence."""
 
 
 def xml_of(study: StudyState, file: str) -> XmlFile:
@@ -36,7 +36,7 @@ def xml_of(study: StudyState, file: str) -> XmlFile:
 
 
 def places_of_parameter(study: StudyState, use: Written, parameter: str) -> int:
-    """Count the places where a parameter of a `<use>` appears in what the template makes."""
+    """Count the places where a parameter of a `<use>` appears in the result of the template."""
     return count_places(xml_of(study, use.file).brought.get(use.node, ()), parameter)
 
 
@@ -57,7 +57,7 @@ def rule_of(study: StudyState, name: str) -> WrittenRule:
 
 
 def refuse_unknown(study: StudyState, kind: str, name: str, known: list[str]) -> NoReturn:
-    """:raises EditRefused: always, with the files that cannot be read: the unknown name may be in one of them."""
+    """:raises EditRefused: always, with the unreadable files: the unknown name may be in one of them."""
     unread = "".join(f"; {file} cannot be read now" for file in study.outline.unreadable)
     raise EditRefused(f"there is no {kind} `{name}`{did_you_mean(name, known)}{unread}")
 
@@ -100,9 +100,9 @@ def check_name(kind: str, name: str) -> str:
 
 
 def still_named(study: StudyState, kind: UsedKind, name: str, *, within: str = "") -> tuple[str, ...]:
-    """Say in a sentence where something that goes is still named; nothing if it is not.
+    """Return sentences on places that still name a removed part; empty: there are none.
 
-    :param within: the act or rule that goes or contains it; uses in there do not count.
+    :param within: the act or rule that is removed or contains the part; uses in it do not count.
     """
     uses = study.checked.uses.of(kind, name)
     places = [
@@ -147,7 +147,7 @@ class BranchPlace:
 
 
 def list_at(address: StatementAddress, study: StudyState) -> StatementList:
-    """Return the list of statements that an address ends in. :raises EditRefused: a form cannot reach or change it."""
+    """Return the list of statements that contains an address. :raises EditRefused: a form cannot reach or change it."""
     found = _walk(address, study, address.path[:-1])
     if isinstance(found, BranchPlace):
         raise EditRefused(f"{found.place.where}: the address ends with a branch; say which statement of it")
@@ -174,7 +174,7 @@ def branch_at(address: StatementAddress, study: StudyState) -> BranchPlace | Non
 
 
 def _walk(address: StatementAddress, study: StudyState, path: tuple[int, ...]) -> StatementList | BranchPlace:
-    """Follow the path to the list, or to the `if`, that its last number counts in."""
+    """Follow the path to the list or the `if` that contains its last index."""
     rule, state = state_of(study, address.rule, address.state)
     place = _block(address, study, rule, state)
     rest = list(path)

@@ -1,7 +1,7 @@
-"""Unsaved drafts, stored where a lost terminal does not reach them; and the lock of a study's editor.
+"""Unsaved drafts, stored so that they survive a lost terminal, and the lock of a study's editor.
 
 Each study has one draft file in the state folder of the account. It holds the complete changed files, the changes in
-words, and check sums of the files that the changes were made on.
+words, and checksums of the original files.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Draft(Struct, frozen=True):
 
     folder: str
     kept: str
-    """When, with the offset of the time zone (ISO 8601)."""
+    """The time with its time zone (ISO 8601)."""
     base: dict[str, str]
-    """SHA-256 of every file that it was made on, by name."""
+    """SHA-256 of every original file, by name."""
     files: dict[str, bytes | None]
     """The complete files that differ; None: deleted."""
     says: tuple[str, ...]
@@ -53,13 +53,13 @@ class DraftFile:
     """The draft of one study on the disk."""
 
     def __init__(self, folder: Path) -> None:
-        """:param folder: the study's."""
+        """:param folder: the study's folder."""
         self.folder = Path(os.path.realpath(folder))
         name = sha256(os.fsencode(self.folder)).hexdigest()[:16]
         self.path = state_folder() / f"{self.folder.name}-{name}.json"
 
     def read(self) -> Draft | None:
-        """Read the latest draft; None: there is none to offer, or none that can be read."""
+        """Read the latest draft; None: there is none, or none is readable."""
         found = self._find()
         return None if found is None else found[1]
 
@@ -73,7 +73,7 @@ class DraftFile:
         return None
 
     def put_aside(self) -> None:
-        """Move the current draft where the next one does not replace it; it is offered again. Raises OSError."""
+        """Rename the current draft, so that the next one does not replace it; it is offered again. Raises OSError."""
         if self.path.exists():
             now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
             self.path.rename(self.path.with_name(f"{self.path.stem}.earlier-{now}.json"))
@@ -97,15 +97,15 @@ class DraftFile:
 
 
 class EditorLock:
-    """The lock that gives a study one editor at a time. It ends with its process, in whatever way that ends."""
+    """The lock that gives a study one editor at a time. It ends with its process, however that ends."""
 
     def __init__(self, folder: Path) -> None:
-        """:param folder: the study's. The folder itself is locked; nothing is written in it."""
+        """:param folder: the study's folder. The folder itself is locked; nothing is written in it."""
         self.folder = folder
         self._descriptor = -1
         self._note = DraftFile(folder).path.with_suffix(".editor")
         self.holder = ""
-        """The other editor, in words; empty: we have the lock."""
+        """The other editor, in words; empty: this editor has the lock."""
         self.try_again()
 
     def try_again(self) -> None:
@@ -119,7 +119,7 @@ class EditorLock:
             return
         try:
             locked = take_lock(descriptor)
-        except OSError:  # a file system without locks, which cannot tell editors apart
+        except OSError:  # a file system without locks, on which editors are not detected
             os.close(descriptor)
             return
         if not locked:

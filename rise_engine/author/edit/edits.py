@@ -1,8 +1,8 @@
 """The edits of a study: one value for each change that a form, a command or a program makes.
 
 Edits are plain data and read and write JSON: `{"edit": "set_parameter", "act": "R_Greeting", "action": "2", ...}`
-(docs/reference/edits.md). They address everything by its name, so that they also apply to files that have changed
-meanwhile. A transition has no name; its address is its number in the state and what it waits for.
+(docs/reference/edits.md). They address parts by name, so that they also apply to files that have changed meanwhile. A
+transition has no name; its address is its number in the state and its trigger.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msgspec import Struct
 from rise_engine.scenario.model import FunctionName, Json
 
 NameKind: TypeAlias = Literal["act", "rule", "state", "event", "key", "action"]
-"""What can be renamed: an act, a rule, a state (`RULE/STATE`), an event, a memory key, an actionID (`ACT/ID`)."""
+"""Kinds of names: an act, a rule, a state (`RULE/STATE`), an event, a memory key, an actionID (`ACT/ID`)."""
 StatementPlace: TypeAlias = Literal["onEntry", "onExit", "transition"]
 
 _UPPER = re.compile(r"(?<!^)(?=[A-Z])")
@@ -34,13 +34,13 @@ class Edit(Struct, frozen=True, forbid_unknown_fields=True, tag_field="edit", ta
 
 
 class TransitionForm(Struct, frozen=True, forbid_unknown_fields=True):
-    """A transition as its form has it: every field as the author types it; None: not there.
+    """A transition in its form: every field as the author types it; None: not there.
 
-    At most one of `event`, `ended` and `after` is the trigger. Without any, `condition` alone is.
+    At most one of `event`, `ended` and `after` is the trigger. Otherwise `condition` is.
     """
 
     event: str | None = None
-    """With or without its slash; the file gets the slash."""
+    """With or without slash; the file gets the slash."""
     ended: str | None = None
     """The act whose end it waits for."""
     outcomes: tuple[str, ...] = ()
@@ -48,14 +48,14 @@ class TransitionForm(Struct, frozen=True, forbid_unknown_fields=True):
     after: str | None = None
     """`2s`, `{pause}ms`."""
     held: str | None = None
-    """With `after`: the condition that must hold all that time (`while`)."""
+    """With `after`: the condition that must hold during the whole time (`while`)."""
     condition: str | None = None
     """An expression, unescaped: `score < 3`."""
     target: str | None = None
 
 
 class CallForm(Struct, frozen=True, forbid_unknown_fields=True, tag_field="statement", tag="call"):
-    """A function of a rule as its form has it."""
+    """A function of a rule in its form."""
 
     function: FunctionName
     argument: str
@@ -108,15 +108,15 @@ class AddAct(Edit, frozen=True):
     name: str
     text: str = ""
     after: str = ""
-    """The act after which it goes, in the same file."""
+    """The act after which it is inserted, in the same file."""
     file: str = ""
-    """The file at whose end it goes instead, which may be new. Without `after` and `file`: the last file of acts."""
+    """The file to which it is appended instead, which may be new. Without `after` and `file`: the last file of acts."""
 
 
 class CopyAct(Edit, frozen=True):
     act: str
     name: str
-    """The name of the copy, which goes after the act."""
+    """The name of the copy, which follows the act."""
 
 
 class RemoveAct(Edit, frozen=True):
@@ -131,18 +131,18 @@ class AddAction(Edit, frozen=True):
     id: str = ""
     """Empty: the next free number."""
     after: str = ""
-    """The action after which it goes in the file; empty: at the end."""
+    """The action after which it is inserted in the file; empty: at the end."""
 
 
 class RemoveAction(Edit, frozen=True):
-    """An action's removal; its successors then wait for what it waited for."""
+    """An action's removal; its successors then wait for its predecessors."""
 
     act: str
     action: str
 
 
 class SetActionType(Edit, frozen=True):
-    """Another type for an action. Parameters of the same name stay; those that the new type does not have go."""
+    """Another type for an action. Parameters that the new type also has stay; others are removed."""
 
     act: str
     action: str
@@ -170,7 +170,7 @@ class SetActionFailure(Edit, frozen=True):
     act: str
     action: str
     continues: bool
-    """Whether its successors start although it has failed (`<onFailure>continue</onFailure>`)."""
+    """Whether its successors start after its failure (`<onFailure>continue</onFailure>`)."""
 
 
 class AddVariant(Edit, frozen=True):
@@ -197,9 +197,9 @@ class AddRule(Edit, frozen=True):
     initial: str
     """Its first state, which is made with it."""
     after: str = ""
-    """The rule after which it goes, in the same file."""
+    """The rule after which it is inserted, in the same file."""
     file: str = ""
-    """The file for it instead. Without `after` and `file`: a new file with the name of the rule."""
+    """The file for it instead. Without `after` and `file`: a new file with the rule's name."""
 
 
 class CopyRule(Edit, frozen=True):
@@ -225,7 +225,7 @@ class AddState(Edit, frozen=True):
     rule: str
     state: str
     after: str = ""
-    """The state after which it goes; empty: at the end."""
+    """The state after which it is inserted; empty: at the end."""
 
 
 class RemoveState(Edit, frozen=True):
@@ -250,7 +250,7 @@ class SetTransition(Edit, frozen=True):
     state: str
     index: int
     was: TransitionForm
-    """Its present form, which finds it again when its number has changed meanwhile."""
+    """Its present form, which identifies it if its number has changed meanwhile."""
     transition: TransitionForm
 
 
@@ -272,7 +272,7 @@ class MoveTransition(Edit, frozen=True):
 
 class AddStatement(Edit, frozen=True):
     at: StatementAddress
-    """The statement before which it goes; a number past the last: at the end."""
+    """The statement before which it is inserted; a number past the last: at the end."""
     statement: StatementForm
 
 
@@ -331,7 +331,7 @@ class SetSetting(Edit, frozen=True):
 
 
 class RenameSetting(Edit, frozen=True):
-    """Another name for an entry, in its place, for example another key of the keyboard."""
+    """Another name for an entry in its place, for example another key of the keyboard."""
 
     path: tuple[str, ...]
     name: str
@@ -370,7 +370,7 @@ class AddColumn(Edit, frozen=True):
 
 
 class SetUseParameter(Edit, frozen=True):
-    """A parameter of a `<use>`, which makes acts and states of a template differ."""
+    """A parameter of a `<use>`, by which acts and states of a template differ."""
 
     file: str
     line: int
@@ -386,7 +386,7 @@ class SetTranslation(Edit, frozen=True):
     language: str
     act: str
     text: str
-    """The text: `ID` or `ID/VARIANT`, followed by `/PARAMETER` if that is not `message`."""
+    """The text: `ID` or `ID/VARIANT`, followed by `/PARAMETER` unless that is `message`."""
     value: str | None
 
 
@@ -406,7 +406,7 @@ class Rename(Edit, frozen=True):
     kind: NameKind
     old: str
     new: str
-    """The new name; for a state and an actionID without the rule or act."""
+    """The new name; for a state or an actionID without the rule or act."""
 
 
 class ReplaceFile(Edit, frozen=True):

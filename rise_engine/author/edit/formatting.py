@@ -1,6 +1,6 @@
 """The usual layout of a study's files, which `rise-engine fmt` and the language server write.
 
-The layout changes no value and loses no comment.
+The layout changes no value and keeps all comments.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LINE_ENDS = re.compile(r"\r\n?|\n")
 def format_toml(text: str) -> str:
     """Lay out a TOML file: entries at the margin, ` = `, one empty line before a table and between groups.
 
-    Values stay as they are written, and aligned `=` stay aligned.
+    The text of values stays, and aligned `=` stay aligned.
 
     :param text: without byte order mark.
     :raises EditRefused: it is not TOML.
@@ -52,7 +52,7 @@ def format_toml(text: str) -> str:
 def _key_widths(toml: TomlText, section: TomlSection) -> list[int]:
     """Compute for each entry of a section the width of its key with the blanks after it that stay.
 
-    They stay where its `=` is aligned with the one of the entry before or after it.
+    Blanks stay if the `=` is aligned with that of the previous or next entry.
     """
     lengths = [pair.parts[-1].end - pair.start for pair in section.pairs]
     widths = []
@@ -92,7 +92,7 @@ def _without_margins(text: str, before: TomlText) -> str:
 
 
 def _with_gaps(text: str, newline: str) -> str:
-    """Leave at most one empty line in a row, one before each table (and the comment above it), none at the ends."""
+    """Leave at most one empty line in a row, one before each table (and its comment), and none at the ends."""
     toml = TomlText(text)
     values = [(pair.value.start, pair.value.end) for section in toml.sections for pair in section.pairs]
     headers = {toml.text.count("\n", 0, section.start) for section in toml.sections if section.parts}
@@ -122,7 +122,7 @@ def _with_gaps(text: str, newline: str) -> str:
 def format_memory(text: str) -> str:
     """Lay out a memory file in its own form: one entry a line, one empty line between groups.
 
-    Numbers and texts stay as they are written.
+    The form of numbers and texts stays.
 
     :raises EditRefused: it is not JSON, or not an object.
     """
@@ -165,7 +165,7 @@ def _refuse(key: str, offset: int, first: int) -> None:
 
 
 def _written(text: str, at: int) -> str:
-    """Return a text or number as the file has it."""
+    """Return a text or number as in the file."""
     return text[at : json.JSONDecoder().raw_decode(text, at)[1]]
 
 
@@ -187,7 +187,7 @@ def _compact(text: str, value: Any, at: int) -> str:
 
 
 def _value(text: str, value: Any, at: int, indent: str) -> str:
-    """Write a value on one line if it fits, or else one entry a line."""
+    """Write a value on one line if it fits, otherwise one entry a line."""
     compact = _compact(text, value, at)
     if len(compact) <= _WIDTH or not isinstance(value, JsonObject | JsonArray):
         return compact

@@ -1,7 +1,7 @@
-"""The steps of an editor, undone and redone without limit, and their changes in words.
+"""The steps of an editor, with unlimited undo and redo, and their changes in words.
 
-Undo restores the files as they were before the step, across several files and across saves. It is not the reverse edit:
-quotation marks and blanks come back too.
+Undo restores the files before the step, across several files and saves. Unlike a reverse edit, it also restores
+quotation marks and blanks.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Step(Struct, frozen=True, eq=False):
 
     @property
     def files(self) -> set[str]:
-        """The names of those that it changes."""
+        """The names of the changed files."""
         return changed_names(self.before, self.after)
 
 
@@ -76,7 +76,7 @@ class History:
         return {name for steps in (self.done, self.undone, self.saved) for step in steps for name in step.files}
 
     def lay_under(self, outside: Mapping[str, bytes | None]) -> None:
-        """Take over files that somebody else has changed and no step has touched."""
+        """Take over files that changed outside and that no step changes."""
         known: dict[int, Step] = {}
 
         def with_outside(files: Files) -> Files:
@@ -93,7 +93,7 @@ class History:
                 steps[index] = known[id(step)]
 
     def begin_anew(self, steps: list[Step]) -> None:
-        """Forget the earlier steps: the files that they changed have changed outside too."""
+        """Forget the earlier steps, because their files have also changed outside."""
         self.done, self.undone, self.saved = list(steps), [], []
 
 
@@ -108,17 +108,17 @@ class Change(Struct, frozen=True):
 
     edits: tuple[AnyEdit, ...]
     says: tuple[str, ...]
-    """What it does, in words."""
+    """The effect in words."""
     noticed: tuple[str, ...] = ()
 
 
 class OutsideChange(Struct, frozen=True):
-    """A change that somebody else has made to the files meanwhile."""
+    """A change of the files outside of this editor."""
 
     files: tuple[str, ...]
     """The files that differ."""
     clash: tuple[str, ...] = ()
-    """Those with unsaved changes here, which keep the content from here."""
+    """Files with unsaved changes here, which keep the content from here."""
     forgotten: bool = False
     """Whether all earlier steps are one step now."""
 
@@ -137,7 +137,7 @@ class SaveReport(Struct, frozen=True):
 
 
 def diff_of(before: Files, after: Files) -> str:
-    """List the lines that differ between two states of files, as `diff -u` does; a lone CR ends a line too."""
+    """List the lines that differ between two states of files, as `diff -u` does; a lone CR ends a line, too."""
     pieces: list[str] = []
     for name in sorted(changed_names(before, after)):
         old, new = (side.get(name) for side in (before, after))

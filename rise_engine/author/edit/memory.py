@@ -1,4 +1,4 @@
-"""Edits of start values: they change only the values of a memory file. Its layout, order and form stay."""
+"""Edits of start values. They change only the values of a memory file; its layout, order and form stay."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any
 def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> list[TextEdit]:
     """Find the changes of a memory file that set, add and delete keys as from `before` to `now`.
 
-    :param text: the file's, without byte order mark.
+    :param text: the file's text, without byte order mark.
     :param before: values by key, as the author of the change knows them.
-    :param now: the new values. Keys that do not differ between the two stay as they are in the file.
+    :param now: the new values. Keys that do not differ stay unchanged in the file.
     :raises EditRefused: it is not JSON, or not a scenario's memory.
     """
     document = _read_document(text)
@@ -150,7 +150,7 @@ def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[TextEdit]:
 def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[TextEdit]:
     """Remove and add entries of an object or a list, with their commas; new ones are laid out like the last ones.
 
-    Blank lines between groups stay: of the two gaps beside a removed entry, the one with more lines is left.
+    Blank lines between groups stay: of the two gaps beside a removed entry, the larger one remains.
     """
     if not gone and not new:
         return []
@@ -194,11 +194,11 @@ def _dumps(value: Any) -> str:
 
 
 _SHOWN = 60
-"""Characters of a value that a sentence shows."""
+"""Maximum characters of a value in a sentence."""
 
 
 def memory_file(files: Files) -> str:
-    """Return the file of start values, which may not exist: the one that scenario.toml names, or the usual one."""
+    """Return the file of start values, which may not exist: the one in scenario.toml, or the usual one."""
     try:
         named = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig")).get("memory")
     except (ValueError, RecursionError):

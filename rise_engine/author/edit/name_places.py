@@ -1,4 +1,4 @@
-"""The characters that a name takes in its file, and what to write there for another name.
+"""The place of a name in its file, and its replacement there by another name.
 
 Comments that mention a name stay unchanged and are listed.
 """
@@ -21,7 +21,7 @@ from rise_engine.syntax.xml import CDATA, XmlSyntaxError, XmlTree
 
 
 class NamePlace(Struct, frozen=True):
-    """The place of a name: its file, and from which character to which."""
+    """The place of a name: its file, and its first and last character."""
 
     file: str
     start: int
@@ -29,7 +29,7 @@ class NamePlace(Struct, frozen=True):
 
 
 class NamePlaces:
-    """Finder and rewriter of names in the files of a study."""
+    """Finds and rewrites names in the files of a study."""
 
     def __init__(self, files: Files) -> None:
         self.files = files
@@ -39,7 +39,7 @@ class NamePlaces:
         self._trees: dict[str, XmlTree] = {}
 
     def find(self, use: Use) -> NamePlace | None:
-        """Find where a use writes its name: at its place, or in its template. None: both together make the name."""
+        """Find the place of a used name: in the file, or in its template. None: both together make the name."""
         place = use.place
         if not use.length or place.file not in self.files:
             return None
@@ -58,7 +58,7 @@ class NamePlaces:
         return self._texts[file]
 
     def splice(self, place: NamePlace, name: str) -> Splice:
-        """Replace the name at a place, written as its file needs it there.
+        """Replace the name at a place in the form that the file requires.
 
         :raises EditRefused: it cannot be written there.
         """
@@ -83,7 +83,7 @@ class NamePlaces:
         return name if opening >= 0 and text.find("]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
 
     def _for_toml(self, place: NamePlace, name: str) -> Splice:
-        """Replace the name within a text or as a key, with quotation marks where it needs them."""
+        """Replace the name within a text or as a key, with quotation marks if necessary."""
         text = self._text(place.file)
         if place.file not in self._tomls:
             self._tomls[place.file] = TomlText(text.text)
@@ -146,11 +146,11 @@ _COMMENTS = {
     ".txt": re.compile(r".+"),
 }
 _MOST = 10
-"""Comments that are listed one by one."""
+"""Maximum number of comments that are listed one by one."""
 
 
 def comments_with(name: str, files: Files, splices: list[Splice]) -> Iterator[str]:
-    """Yield a sentence for each comment, or line of a README, that has the name as a word of its own.
+    """Yield a sentence for each comment, or line of a README, that contains the name as a word.
 
     :param name: the old name.
     :param files: the files before the change.

@@ -1,6 +1,6 @@
-"""A study as it is written: what forms show, and where edits find their places.
+"""The written form of a study, which forms show and in which edits find their places.
 
-Unlike `Scenario`, it exists for a study with errors too: its values are the texts of the file, right or wrong. It also
+Unlike `Scenario`, it also exists for a study with errors: its values are the texts of the file, right or wrong. It also
 holds the parts that a form cannot change, with the reason. Functions and transitions can be described in words.
 """
 
@@ -42,7 +42,7 @@ class Written(Struct, frozen=True, kw_only=True):
         return self.node.tree.line(self.last.end)
 
     def has_line(self, line: int) -> bool:
-        """Return whether it takes a line, at least in part."""
+        """Return whether it occupies a line, at least in part."""
         return self.line <= line <= self.last_line
 
     def holds(self, offset: int) -> bool:
@@ -54,13 +54,13 @@ class WrittenValue(Written, frozen=True):
     """The value of an attribute or the text of an element. `node` is the element that has it."""
 
     text: str
-    """As it is read: without entities, CDATA and the blanks around it."""
+    """Without entities, CDATA and surrounding blanks."""
     parameter: str = ""
-    """The `<use>` parameter that is the whole value, in the result of a template; empty: none (`SetUseParameter`)."""
+    """In the result of a template: the `<use>` parameter that is the whole value; empty: none (`SetUseParameter`)."""
 
 
 class WrittenCall(Written, frozen=True):
-    """An action with its parameters; one wording of `<Variants>`."""
+    """An action with its parameters, or one wording of `<Variants>`."""
 
     type: str
     parameters: dict[str, WrittenValue]
@@ -74,7 +74,7 @@ class WrittenAction(Written, frozen=True):
     """One, or the wordings of `<Variants>`."""
     wait_for: tuple[str, ...]
     continues: bool
-    """Whether its successors start although it has failed."""
+    """Whether its successors start after its failure."""
     is_variants: bool = False
 
 
@@ -90,7 +90,7 @@ class WrittenAct(Written, frozen=True):
 class WrittenStatement(Written, frozen=True):
     """A function, an `if` with its branches, a `oneOf` with its choices, or a `<use>`.
 
-    A statement without `call`, `branches`, `choices` and `template` is unknown; its reason says so.
+    A statement without `call`, `branches`, `choices` and `template` is unknown; see its reason.
     """
 
     call: CallForm | None = None
@@ -111,7 +111,7 @@ class WrittenStatement(Written, frozen=True):
 
 
 class WrittenBranch(Written, frozen=True):
-    """A branch of an `if`. `node` is the `if`, `elseif` or `else` that it begins with."""
+    """A branch of an `if`. `node` is its `if`, `elseif` or `else`."""
 
     condition: str | None
     """None: `else`."""
@@ -130,7 +130,7 @@ class WrittenState(Written, frozen=True):
     on_entry: tuple[WrittenStatement, ...]
     on_exit: tuple[WrittenStatement, ...]
     transitions: tuple[WrittenTransition, ...]
-    """Its own, then those that it shares, in the order in which the engine tries them."""
+    """Its own, then the shared ones, in the order in which the engine tries them."""
     template: str = ""
 
 
@@ -141,7 +141,7 @@ class WrittenRule(Written, frozen=True):
     states: tuple[WrittenState, ...]
     template: str = ""
     name_parameter: str = ""
-    """Like an act's."""
+    """As for acts."""
 
 
 class WrittenUse(Written, frozen=True):
@@ -154,7 +154,7 @@ class WrittenUse(Written, frozen=True):
 
 
 class Outline(Struct, frozen=True):
-    """Everything that a study's acts and rules contain, in the order of the files."""
+    """The contents of a study's acts and rules, in the order of the files."""
 
     acts: tuple[WrittenAct, ...] = ()
     rules: tuple[WrittenRule, ...] = ()
@@ -182,7 +182,7 @@ FUNCTION_WORDS: dict[FunctionName, str] = {
     "raiseEventTopic": "raise the event",
     "assignValue": "set",
 }
-"""What a function does, followed by a name, an event, or `key = value`."""
+"""Words for each function, followed by a name, an event, or `key = value`."""
 OTHERWISE = "otherwise"
 ONE_OF = "one of these, by chance"
 
@@ -219,7 +219,7 @@ def statement_words(statement: WrittenStatement) -> str:
 
 
 def trigger_words(form: TransitionForm) -> str:
-    """Describe what a transition waits for: `as soon as /next happens`."""
+    """Describe the trigger of a transition: `as soon as /next happens`."""
     if form.event is not None:
         return f"as soon as /{normal_topic(form.event)} happens"
     if form.ended is not None:

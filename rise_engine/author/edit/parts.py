@@ -78,7 +78,7 @@ class _Kind(Struct, frozen=True):
     wrapper: str
     wrappers: tuple[str, ...]
     place: str
-    """Their name in `Scenario.paths`."""
+    """The key of their folder in `Scenario.paths`."""
 
 
 _ACTS = _Kind("act", "Dialog", "Dialogs", ACT_WRAPPERS, "acts")
@@ -136,7 +136,7 @@ def _last_file_of_acts(study: StudyState) -> str:
 
 
 def _new_file(kind: _Kind, name: str, study: StudyState) -> str:
-    """Choose a file that does not exist yet, named after its content; the single file, if there is only one."""
+    """Choose a new file name after its content; or the single file, if there is only one."""
     place = place_of(kind.place, study)
     if place.lower().endswith(".xml"):
         return place
@@ -227,18 +227,18 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
 
 
 def _stand_here(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
-    """Count the acts or rules that come from the place of one: a template can make several."""
+    """Count the acts or rules with the same place: a template can make several."""
     parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind is _ACTS else study.outline.rules
     return sum(each.node is part.node for each in parts)
 
 
 def plan_remove_act(edit: RemoveAct, study: StudyState) -> Plan:
-    """Plan the removal of an act, and report where it is still named."""
+    """Plan the removal of an act, and report the places that still name it."""
     return _remove(_ACTS, edit.act, study)
 
 
 def plan_remove_rule(edit: RemoveRule, study: StudyState) -> Plan:
-    """Plan the removal of a rule, and report where it is still named."""
+    """Plan the removal of a rule, and report the places that still name it."""
     return _remove(_RULES, edit.rule, study)
 
 

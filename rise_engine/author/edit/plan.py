@@ -1,4 +1,4 @@
-"""What an edit needs to be planned, and its plan: the pieces of text that it replaces, and a description in words."""
+"""The state for planning an edit, and the plan: the replaced pieces of text, and a description in words."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Plan(Struct, frozen=True):
     splices: tuple[Splice, ...] = ()
     """In any order, without overlaps. The files are UTF-8."""
     written: dict[str, bytes | None] = {}
-    """Complete files: new ones, and None for those that go. None of them has a splice."""
+    """Complete files: new ones, and None for deleted ones. None of them has a splice."""
     says: tuple[str, ...] = ()
-    """What it does, in words: "R_Yes 2 says “Yes.” (was “Yes, exactly.”)"."""
+    """The effect in words: "R_Yes 2 says “Yes.” (was “Yes, exactly.”)"."""
     noticed: tuple[str, ...] = ()
-    """What it noticed and left unchanged: "the comment in acts/a.xml, line 3, names R_Yes too"."""
+    """Remarks on what stays unchanged: "the comment in acts/a.xml, line 3, names R_Yes too"."""
 
 
 def apply_plan(files: Files, plan: Plan) -> Files:
     """Return the files after a plan.
 
-    :raises ValueError: splices overlap, or are outside of their file: an error of the planner.
+    :raises ValueError: splices overlap, or are outside of their file, which is an error of the planner.
     """
     after = dict(files)
     for file in {splice.file: None for splice in plan.splices}:
@@ -67,19 +67,19 @@ class EditedText:
 
     @contextmanager
     def refusing(self) -> Iterator[None]:
-        """Put the file's name before what is refused within the block."""
+        """Prefix refusals within the block with the file's name."""
         try:
             yield
         except EditRefused as error:
             raise EditRefused(f"{self.name}: {error}") from None
 
     def line(self, offset: int) -> int:
-        """Return the line number of a character, from 1; as in an editor, a lone CR ends a line too."""
+        """Return the line number of a character, from 1. As in an editor, a lone CR ends a line, too."""
         before = self.text[:offset].replace("\r\n", "\n")
         return before.count("\n") + before.count("\r") + 1
 
     def splices(self, edits: Iterable[TextEdit]) -> tuple[Splice, ...]:
-        """Add the file's name to changes, and leave out those that change nothing."""
+        """Add the file's name to changes, and omit those without effect."""
         return tuple(Splice(self.name, *edit) for edit in edits if self.text[edit.start : edit.end] != edit.text)
 
 
@@ -97,9 +97,9 @@ class StudyState(Struct, frozen=True, dict=True):
     checked: LoadResult
     """The check of these files."""
     folder: Path
-    """The folder of the study. Planning reads nothing of it except where links lead."""
+    """The folder of the study. Planning reads only the targets of its links."""
     above: Files = {}
-    """The study.toml of a folder above, by its path (`read_study_above`): its names are known, but not changed."""
+    """The study.toml of a folder above, by its path (`read_study_above`). It is read for names and not changed."""
 
     @cached_property
     def outline(self) -> Outline:

@@ -25,7 +25,7 @@ from rise_engine.scenario.files.study_paths import why_none_written
 
 _BOM = b"\xef\xbb\xbf"
 _SHOWN = 90
-"""Characters of a line that a sentence shows."""
+"""Maximum characters of a line in a sentence."""
 
 
 def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
@@ -50,7 +50,7 @@ def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
 
 
 def _what_differs(file: str, old: bytes, new: str) -> str:
-    """Say what differs; for a single line, its new and old text."""
+    """Describe the difference; for a single line, with its new and old text."""
     before, after = (text.removeprefix("\ufeff").splitlines() for text in (old.decode(errors="replace"), new))
     changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]
     if len(changed) != 1 or len(before) != len(after):
@@ -80,14 +80,14 @@ _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     tables.PLANNERS,
     translations.PLANNERS,
 )
-"""What each module of edits can plan, its `PLANNERS`."""
+"""The edits that each module can plan, its `PLANNERS`."""
 PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
 
 
 def plan(edit: Edit, study: StudyState) -> Plan:
-    """Plan what an edit does to the files of a study, without changing anything.
+    """Plan an edit of the files of a study, without changing anything.
 
-    :raises EditRefused: it cannot be made; the message says why, and what the author can do.
+    :raises EditRefused: it cannot be made; the message has the reason and a remedy.
     """
     planner = PLANNERS.get(type(edit))
     if planner is None:

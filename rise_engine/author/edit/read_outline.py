@@ -1,4 +1,4 @@
-"""Reader of a study's acts and rules as they are written, right or wrong (`outline.Outline`)."""
+"""Reads the written form of a study's acts and rules, right or wrong (`outline.Outline`)."""
 
 from __future__ import annotations
 
@@ -90,24 +90,24 @@ def _uses(file: XmlFile, templates: Mapping[str, Mapping[str, str | None]]) -> I
 
 
 def _value(element: Element, name: str) -> str:
-    """Return the value of an attribute without blanks around it; empty: there is none."""
+    """Return the value of an attribute without surrounding blanks; empty: there is none."""
     return element.attributes.get(name, "").strip()
 
 
 def _template(element: Element) -> str:
-    """Return the template that the `<use>` of an element names; empty: the file has the element itself."""
+    """Return the template of an element's `<use>`; empty: the file has the element itself."""
     return "" if call_of(element) is None else _value(written_here(element), "template")
 
 
 def _where(element: Element) -> dict[str, Any]:
-    """Return what represents an element in the file, and why a form cannot change it."""
+    """Return the element that represents this one in the file, and why a form cannot change it."""
     template = _template(element)
     reason = f"it comes from the template `{template}`, used here" if template else ""
     return {"node": written_here(element), "reason": reason}
 
 
 def _parameter(element: Element, written: str) -> str:
-    """Return the parameter of the `<use>` in the file that is all of a text of the element; empty: there is none."""
+    """Return the parameter of the `<use>` that is the whole of a text; empty: there is none."""
     call, pieces = call_of(element), text_pieces(written)
     if call is None or len(pieces) != 1 or (name := pieces[0].parameter) is None or name not in call.defaults:
         return ""
@@ -157,7 +157,7 @@ def _read_call(element: Element) -> WrittenCall:
 
 
 def _read_value(element: Element) -> WrittenValue:
-    """Read a parameter's text, as the reader of acts does."""
+    """Read a parameter's text like the reader of acts."""
     call, origin, where = call_of(element), origin_of(element), _where(element)
     is_markup = len(origin) == 1 and origin[0].tag == "speak" and origin.tag == "message"
     text = element.text.strip()
@@ -175,7 +175,7 @@ def _read_value(element: Element) -> WrittenValue:
 
 
 class _RuleOutline:
-    """Reader of the rules of a file."""
+    """Reads the rules of a file."""
 
     def __init__(self, file: XmlFile) -> None:
         self.file = file
@@ -305,7 +305,7 @@ class _Block(list[WrittenStatement]):
 
 
 def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
-    """Return a transition as its form has it."""
+    """Return a transition in its form."""
 
     def text(name: str) -> str | None:
         return attributes[name].strip() if name in attributes else None
@@ -323,7 +323,7 @@ def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
 
 
 def read_call(attributes: Mapping[str, str]) -> tuple[CallForm | None, str]:
-    """Return a function as its form has it, and why the form cannot change it."""
+    """Return a function in its form, and why the form cannot change it."""
     names = [name for name in FUNCTIONS if name in attributes]
     if not names:
         return None, "it names no function that there is"

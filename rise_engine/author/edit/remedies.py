@@ -1,8 +1,8 @@
 """Fixes for diagnostics, as edits: for quick fixes in editors and the list of diagnostics in the terminal.
 
-A remedy is one edit, like a form's. The code of the diagnostic decides which remedies exist: see `_REMEDIES`, and
-`written_remedies.WRITTEN` for those that change the text at its place. Only edits that can be made are offered. Where a
-remedy would need an author's answer, there is none.
+A remedy is one edit, like a form's. The code of the diagnostic determines the remedies: see `_REMEDIES`, and
+`written_remedies.WRITTEN` for those that change the text at its place. Only possible edits are offered, and none that
+need an author's answer.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _NO_LETTER = re.compile(r"[^\w.]+")
 _LABEL = re.compile(r"""[^\r\n]*?label\s*=\s*["']([^"'\r\n]*)""")
 _FIRST_STATE = "Start"
 _MOST_KEYS = 2
-"""Free keys that are offered."""
+"""Maximum number of free keys that are offered."""
 _START_VALUES: tuple[bool | int | str, ...] = (0, False, "")
 
 
@@ -56,10 +56,10 @@ class Remedy(Struct, frozen=True):
     """An edit that resolves a diagnostic."""
 
     title: str
-    """What it does, for a list: "make the act R_Yes"."""
+    """Its effect, for a list: "make the act R_Yes"."""
     edit: AnyEdit
     is_likely: bool = False
-    """Whether the author most likely meant it; only the first of several can be likely."""
+    """Whether the author probably meant it; only the first of several can be likely."""
 
 
 def remedies(finding: Diagnostic, study: StudyState) -> list[Remedy]:
@@ -240,7 +240,7 @@ def _take_free_key(place: FindingPlace) -> Iterator[Remedy]:
 
 
 def _free_keys(place: FindingPlace) -> list[str]:
-    """List keys that nothing uses, starting with letters of the label."""
+    """List unused keys, starting with letters of the label."""
     label = _LABEL.match(place.text, place.end)
     letters = [each for each in (label.group(1) if label else "").lower() if each in ascii_lowercase]
     taken = {_name_of_key(each) for each in tomllib.loads(place.text)["keys"]}
@@ -296,4 +296,4 @@ _REMEDIES: Mapping[str, Callable[[FindingPlace], Iterable[Remedy]]] = {
     "unset-key": _give_start_value,
     "unwritable-key": _make_key_writable,
 }
-"""By the code of a diagnostic, its remedies."""
+"""The remedies for each code of diagnostics."""

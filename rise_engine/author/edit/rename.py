@@ -38,7 +38,7 @@ _CONSTANTS = ("pi", "e", "r2d", "d2r")
 
 
 class _RenamedName:
-    """The subject of a rename: its names as `Uses` has them, and the new text for each of their places."""
+    """The subject of a rename: its names in `Uses`, and the new text for each of their places."""
 
     def __init__(self, edit: Rename, study: StudyState) -> None:
         self.edit = edit
@@ -49,7 +49,7 @@ class _RenamedName:
 
     @property
     def what(self) -> str:
-        """What is renamed, in words: "the state `Start` of `Main`"."""
+        """The subject in words: "the state `Start` of `Main`"."""
         if self.edit.kind == "state":
             return f"the state `{self.old}` of `{self.owner}`"
         if self.edit.kind == "action":
@@ -57,11 +57,11 @@ class _RenamedName:
         return f"{_KINDS[self.edit.kind]} `{self.old}`"
 
     def full(self, name: str) -> str:
-        """Return a name as `Uses` has it."""
+        """Return a name in the form of `Uses`."""
         return f"{self.owner}/{name}" if self.owner else name
 
     def events(self) -> dict[str, str]:
-        """Return the events that get another name: those that the engine raises for the subject."""
+        """Return the renamed events: those that the engine raises for the subject."""
         old, new = self.old, self.new
         match self.edit.kind:
             case "event":
@@ -181,7 +181,7 @@ def _check_new_name(names: _RenamedName) -> None:
 
 
 def _check_collisions(names: _RenamedName, study: StudyState) -> None:
-    """Check for collisions. :raises EditRefused: the new name is taken, or the old one is not a name of its own."""
+    """Check for collisions. :raises EditRefused: the new name is taken, or the old one also names something else."""
     kind, uses, draft = names.edit.kind, names.uses, names.draft
     if kind == "key":
         _check_key(names)
@@ -269,7 +269,7 @@ def _check_settings(names: _RenamedName, study: StudyState) -> None:
 
 
 def _act_tables(study: StudyState) -> ActTables:
-    """Read the tables of acts in scenario.toml, also when something else in the study is wrong."""
+    """Read the tables of acts in scenario.toml, even if the study has other errors."""
     text = study.files.get(SCENARIO_FILE, b"").decode("utf-8-sig", "replace")
     try:
         values = tomllib.loads(text)
@@ -298,7 +298,7 @@ def _check_shared(names: _RenamedName, found: dict[NamePlace, str], places: Name
 
 
 def _check_templates(names: _RenamedName, named: Counter[NamePlace], study: StudyState) -> None:
-    """Check values of a `<use>`. :raises EditRefused: one is the name, and also something else in its template.
+    """Check values of a `<use>`. :raises EditRefused: one is the name, but has another meaning in its template, too.
 
     :param named: how often each place is the name.
     """
@@ -324,7 +324,7 @@ def _place_text(use: Use) -> str:
 
 
 def _why_not(use: Use, places: NamePlaces) -> str:
-    """Say why a name cannot be changed where a use has it."""
+    """Return why a use's name cannot be changed at its place."""
     template = use.location.template
     if isinstance(template, TemplateLocation):
         if template.file not in places.files:

@@ -17,14 +17,14 @@ from rise_engine.syntax.toml_edits import TomlText, rename_key, set_value
 
 
 class Renaming:
-    """The effect of a rename on names of every kind; an act's new name also renames the events of its end."""
+    """The effect of a rename on names of every kind; renaming an act also renames the events of its end."""
 
     def __init__(self, kind: NameKind, owner: str, old: str, new: str, events: dict[str, str]) -> None:
         """:param kind: what is renamed.
         :param owner: the rule of a state or the act of an action; otherwise empty.
         :param old: the name alone, without the owner and without slash.
-        :param new: the new one.
-        :param events: events that get another name because of it: old name, new name, without slash.
+        :param new: the new name.
+        :param events: the new names of events that change with it, by the old names, without slash.
         """
         self.kind, self.owner, self.old, self.new = kind, owner, old, new
         self.events = events
@@ -46,7 +46,7 @@ class Renaming:
         return written.replace(topic, self.events[topic]) if topic in self.events else written
 
     def key(self, written: str) -> str:
-        """Rename a memory key or a part of it: also `person.name`, if `person` is renamed."""
+        """Rename a memory key or a part of it: `person.name`, if `person` is renamed."""
         renamed = renamed_key(written, self.old, self.new) if self.kind == "key" else None
         return written if renamed is None else renamed
 
@@ -56,7 +56,7 @@ class Renaming:
 
 
 def renamed_key(written: str, old: str, new: str) -> str | None:
-    """Return a key's new name when `old` becomes `new`, also for a part: `person.name`. None: it is another key."""
+    """Return a key's new name if `old` becomes `new`, also for a part: `person.name`. None: it is another key."""
     if written == old:
         return new
     return new + written[len(old) :] if written.startswith(f"{old}.") else None
@@ -108,7 +108,7 @@ def _toml_splices(file: EditedText, change: Callable[[str], str]) -> Iterator[Sp
 
 
 def _in_study(text: str, renaming: Renaming) -> str:
-    """Rename the key in what levels of factors set."""
+    """Rename the key in the memory values of factors' levels."""
     factors = TomlText(text).values.get("factors")
     for factor, values in _tables(factors):
         for level, given in _tables(values.get("levels")):
@@ -157,12 +157,12 @@ def _tables_or_none(values: Any) -> dict[str, Any]:
 
 
 def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
-    """Find the changes of a task file. A line that is not a JSON object stays for the reader of the file to report."""
+    """Find the changes of a task file. Lines that are not JSON objects stay; the file's reader reports them."""
     return _line_splices(file, lambda edits, value: _edit_task(edits, value, renaming))
 
 
 def pressed_key_splices(file: EditedText, old: str, new: str) -> tuple[Splice, ...]:
-    """Find the changes of a study's test when another key of the keyboard is pressed: `{"key": "n"}`."""
+    """Find the changes of a study's test for another key of the keyboard: `{"key": "n"}`."""
 
     def press(edits: _JsonEdits, value: JsonObject) -> None:
         for member in value.members:
@@ -200,7 +200,7 @@ def _edit_task(edits: _JsonEdits, value: JsonObject, renaming: Renaming) -> None
 
 
 class _JsonEdits:
-    """Collector of the changes of a JSON text."""
+    """Collects the changes of a JSON text."""
 
     def __init__(self, text: str) -> None:
         self.text = text

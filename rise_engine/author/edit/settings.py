@@ -16,7 +16,7 @@ from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_key, se
 
 
 def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
-    """Plan a value of a TOML file; None removes the entry. A missing file is made.
+    """Plan a value of a TOML file; None removes the entry. A missing file is created.
 
     :raises EditRefused: it is not TOML, or has no place for this.
     """
@@ -39,7 +39,7 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
 
 
 def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
-    """Plan another name for an entry of a TOML file, in its place; tests then press a renamed key of the keyboard.
+    """Plan another name for an entry of a TOML file, in its place. For a key of the keyboard, tests are updated.
 
     :raises EditRefused: the entry does not exist, or the new name is taken.
     """
@@ -76,9 +76,9 @@ def _file(study: StudyState, name: str, *, new: bool = False) -> EditedText:
 
 
 def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None:
-    """Check that the file has the intended values, and otherwise its old ones. (Tables that became empty may be gone.)
+    """Check that the file has the intended values, and otherwise its old ones. (Empty tables may be missing.)
 
-    :raises EditRefused: it has not, because the program cannot edit its form.
+    :raises EditRefused: it has other values, because the program cannot edit its form.
     """
     try:
         is_right = _typed(TomlText(after).values) == _typed(wanted)
@@ -89,7 +89,7 @@ def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None
 
 
 def _typed(value: Any) -> Any:
-    """Make values comparable: 1, 1.0 and true differ, and tables and lists without entries do not count."""
+    """Make values comparable: 1, 1.0 and true differ; empty tables and lists are ignored."""
     if isinstance(value, dict):
         inner = {key: _typed(each) for key, each in value.items()}
         return {key: each for key, each in inner.items() if each not in ({}, [])}
@@ -99,7 +99,7 @@ def _typed(value: Any) -> Any:
 
 
 def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
-    """Report the comments that were within the removed part."""
+    """Report the comments within the removed part."""
     kept = [line.strip() for line in after.splitlines()]
     gone = []
     for number, line in enumerate(file.text.splitlines(), 1):
@@ -137,7 +137,7 @@ def _is_in_words(edit: SetSetting, value: Any) -> str:
 
 
 def _label(edit: SetSetting | RenameSetting) -> str:
-    """Name the changed entry in words."""
+    """Describe the changed entry."""
     path = edit.path
     match path:
         case ("keys", key) if edit.file == "scenario.toml":

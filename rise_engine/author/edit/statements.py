@@ -1,7 +1,7 @@
 """Edits of a rule's statements: functions, `if` with its branches, `oneOf`.
 
-A statement is one element, except for an `if` with an `else` after it, which is all these elements together. Branches
-may be inside their `if` or after it (docs/reference/rules.md), and both forms stay.
+A statement is one element, except for an `if` with an `else` after it, which is several. Branches may be inside their
+`if` or after it (docs/reference/rules.md); both forms stay.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def _form_in_words(form: StatementForm) -> str:
 
 
 def plan_add_statement(edit: AddStatement, study: StudyState) -> Plan:
-    """Plan a new function, `if` or `oneOf`, with its block if that is missing."""
+    """Plan a new function, `if` or `oneOf`, with its block if necessary."""
     place = list_at(edit.at, study)
     element = _element(edit.statement)
     at = min(max(edit.at.path[-1] if edit.at.path else len(place.statements), 0), len(place.statements))
@@ -194,7 +194,7 @@ def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
 
 
 def _removal(statement: WrittenStatement) -> Splice:
-    """Remove a statement; the last one takes its state's block with it."""
+    """Remove a statement; the last one of a state's block removes the block, too."""
     block = statement.node.parent
     assert block is not None, "a statement stands in something"
     is_all = statement.node is block[0] and statement.last is block[-1]

@@ -113,7 +113,7 @@ def _check_not_reached(rule: WrittenRule, name: str) -> None:
 
 
 def _without_state(shared: Element, name: str) -> list[Splice]:
-    """Remove a state from `<transitions in="A | B">`; the element goes with its last state."""
+    """Remove a state from `<transitions in="A | B">`; the last state removes the element, too."""
     names = [each.strip() for each in shared.attributes.get("in", "").split("|")]
     if name not in names:
         return []
@@ -132,7 +132,7 @@ _TRANSITION_ORDER = tuple(form_of("transition").attributes)
 def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
     """Return the attributes of a transition; None: it does not have the attribute.
 
-    :raises EditRefused: it waits for nothing, or for two things.
+    :raises EditRefused: it has no trigger, or two.
     """
     triggers = [name for name, value in (("event", form.event), ("ended", form.ended), ("after", form.after)) if value]
     if len(triggers) > 1:
@@ -157,7 +157,7 @@ def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
 
 
 def same_form(one: TransitionForm, other: TransitionForm) -> bool:
-    """Return whether two forms mean the same."""
+    """Return whether two forms have the same meaning."""
     return _normal(one) == _normal(other)
 
 
@@ -202,7 +202,7 @@ class _Way:
 
 
 def plan_add(edit: AddTransition, study: StudyState) -> Plan:
-    """Plan a new transition of a state, before those that it shares with others."""
+    """Plan a new transition of a state, before its shared ones."""
     rule, state = state_of(study, edit.rule, edit.state)
     check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
@@ -222,7 +222,7 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
 
 
 def plan_set(edit: SetTransition, study: StudyState) -> Plan:
-    """Plan what a transition waits for and where it leads; its functions stay."""
+    """Plan the trigger and the target of a transition; its functions stay."""
     way = _found(edit, study)
     now, values = way.written.form, transition_attributes(edit.transition)
     if same_form(now, edit.transition):
@@ -245,7 +245,7 @@ def transition_attributes_of(node: Element) -> dict[str, str]:
 
 
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
-    """Plan the removal of a transition with its functions; the element of shared transitions goes with the last one."""
+    """Plan the removal of a transition with its functions; the last shared one removes their element, too."""
     way = _found(edit, study)
     says = (f"{way.whose} loses the transition: {transition_words(way.written.form)}",)
     parent = way.node.parent

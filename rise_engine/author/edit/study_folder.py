@@ -1,12 +1,12 @@
 """Reading and saving the files of a study's folder, and reading the study.toml of a folder above it.
 
-A save writes all files of a change or none, whatever happens on the way. First, new contents are written beside the
-files and made durable. Then a note lists the files that get them. Then they are renamed, and the note is deleted. A
-save that is killed before the note has not happened. After the note, it has: `finish_interrupted` completes it, and
-earlier readers follow the note (`rise_engine.scenario.files.tree`).
+A save writes all files of a change or none. First, new contents are written beside the files and made durable. Then a
+note lists the files. Then the new files are renamed, and the note is deleted. A save that is killed before the note has
+no effect. After the note, `finish_interrupted` completes it, and readers follow the note until then
+(`rise_engine.scenario.files.tree`).
 
-The study.toml above belongs to all scenarios of the study, and a plan may have been made from it. An edit of one
-scenario does not change it, but a rename must know what it sets.
+The study.toml above belongs to all scenarios of the study, and a plan may depend on it. An edit of one scenario does
+not change it, but a rename must know its memory keys.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ _MOST_FILES = 5_000
 def read_study_files(folder: Path) -> Files:
     """Read the text files of a study by their names relative to its folder, without hidden ones.
 
-    :raises EditRefused: it cannot be read, or has far more files than a study.
+    :raises EditRefused: it cannot be read, or has too many files for a study.
     """
     files: dict[str, bytes] = {}
     try:
         for path in _paths(folder, folder):
-            with suppress(FileNotFoundError):  # gone since it was listed, like the temporary files of other editors
+            with suppress(FileNotFoundError):  # deleted since it was listed, like the temporary files of other editors
                 if path.stat().st_size <= MAX_BYTES:
                     files[path.relative_to(folder).as_posix()] = path.read_bytes()
             if len(files) > _MOST_FILES:
@@ -96,7 +96,7 @@ _LEVELS_UP = 3
 def read_study_above(folder: Path) -> Files:
     """Read the study.toml that names this scenario, by its path; empty: there is none.
 
-    :param folder: the scenario's. A study.toml beside scenario.toml does not count: it is one of the scenario's files.
+    :param folder: the scenario's folder. A study.toml in it does not count: it is one of the scenario's files.
     """
     folder = folder.resolve()
     for above in list(folder.parents)[:_LEVELS_UP]:
@@ -111,7 +111,7 @@ def read_study_above(folder: Path) -> Files:
 def scenarios_below(folder: Path) -> list[Path]:
     """List the scenarios of a study's folder, its own first; only those that exist.
 
-    :param folder: with a study.toml. The list is empty if it has none, or is itself a scenario.
+    :param folder: the study's folder. Without a study.toml, or with a scenario.toml, the list is empty.
     """
     if (folder / SCENARIO_FILE).exists():
         return []
@@ -125,7 +125,7 @@ def scenarios_below(folder: Path) -> list[Path]:
 
 
 def sets_key(above: Files, key: str) -> str:
-    """Say that a study.toml sets a memory key, or that it may because it cannot be read; empty: none does."""
+    """Return a sentence that a study.toml sets a memory key, or may because it is unreadable; empty: none does."""
     renaming = Renaming("key", "", key, f"{key}_", {})
     for path, data in above.items():
         try:
@@ -137,7 +137,7 @@ def sets_key(above: Files, key: str) -> str:
 
 
 def _may_name(data: bytes, above: Path, folder: Path) -> bool:
-    """Return whether a study names this scenario; one that cannot be read may."""
+    """Return whether a study names this scenario; an unreadable study may."""
     try:
         values = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -163,16 +163,16 @@ Reached = Callable[[str], None]
 
 
 def write_files(folder: Path, before: Files, after: Files, *, reached: Reached = lambda step: None) -> tuple[str, ...]:
-    """Write what differs between two states of a study's files: all of it or nothing.
+    """Write the differences between two states of a study's files: all or nothing.
 
     A link within the study stays a link; its target gets the content. Owner and permissions stay.
 
     :param folder: the study's folder.
-    :param before: the files on the disk, as far as the caller knows. If they differ, nothing is written.
+    :param before: the expected files on the disk. If they differ, nothing is written.
     :param reached: gets each step, for tests.
     :return: the names of the files that were written, made or deleted.
-    :raises EditRefused: the study comes with the program, a study cannot have files of these names (`study_paths`), a
-        file has changed meanwhile, or the disk refuses.
+    :raises EditRefused: the study comes with the program, a file name is invalid (`study_paths`), a file has changed
+        meanwhile, or the disk fails.
     """
     refuse_shipped(folder)
     names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
@@ -212,16 +212,16 @@ def refuse_shipped(folder: Path) -> None:
 
 
 def finish_interrupted(folder: Path) -> tuple[str, ...]:
-    """Complete a save that was killed after its note, and delete the leftovers of one that was killed before it.
+    """Complete a save that was killed after its note, or delete the new contents of one killed before it.
 
-    Files that somebody has changed since stay unchanged.
+    Files that have changed since stay.
 
     :return: the names of the files that were written now; empty: nothing was interrupted.
-    :raises EditRefused: the disk refuses.
+    :raises EditRefused: the disk fails.
     """
     finished: tuple[str, ...] = ()
     try:
-        with suppress(msgspec.DecodeError, ValueError):  # a note of ours is complete; this is somebody else's file
+        with suppress(msgspec.DecodeError, ValueError):  # our notes are complete, so this file is not ours
             note = read_note(folder)
             if note is not None:
                 finished = _carry_out(folder, note, lambda step: None)
@@ -233,7 +233,7 @@ def finish_interrupted(folder: Path) -> tuple[str, ...]:
 
 
 def _litter(folder: Path) -> Iterator[Path]:
-    """Yield new contents without a place: in the folder, and where its links lead."""
+    """Yield new contents that were not renamed: in the folder, and at the targets of its links."""
     for path in [*folder.rglob("*")]:
         if path.name.startswith(".") and path.name.endswith(FRESH):
             yield path
@@ -257,7 +257,7 @@ def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:
 
 
 def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path], reached: Reached) -> None:
-    """Write all new contents beside their files, durably. `made` gets the folders made for them."""
+    """Write all new contents durably beside their files. `made` gets the created folders."""
     for name in names:
         target = Path(os.path.realpath(folder / name))
         content = after.get(name)
@@ -297,7 +297,7 @@ def _write_beside(target: Path, data: bytes) -> None:
 
 
 def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
-    """Delete the leftovers of a save that does not happen. With a note, it happens."""
+    """Delete the new contents of a save that does not happen. With a note, it happens."""
     if os.path.lexists(folder / NOTE):
         return
     for name in (*names, NOTE):
@@ -314,12 +314,12 @@ def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
 
 
 def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
-    """Move every new content to its place, and return the names that were still missing."""
+    """Rename all new contents, and return the names that were still missing."""
     left = still_to_do(folder, note)
     for name, content in left.items():
         path = folder / name
         if content is None:
-            path.unlink(missing_ok=True)  # for a link, this removes the link
+            path.unlink(missing_ok=True)  # removes the link, not its target
         else:
             target = Path(os.path.realpath(path))
             fresh_path(target).replace(target)

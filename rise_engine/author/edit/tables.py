@@ -27,7 +27,7 @@ _SHOWN = 60
 
 
 class _WrittenTable(Struct):
-    """A table as it is written."""
+    """The written form of a table."""
 
     file: EditedText
     encoding: str
@@ -54,23 +54,23 @@ class _WrittenTable(Struct):
         return self.rows[number]
 
     def write(self, value: str, *, quoted: bool = False) -> str:
-        """Write a value as it must be between separators."""
+        """Return a value in the form between separators."""
         odd = any(each in value for each in (self.separator, '"', "\n", "\r")) or value != value.strip()
         return '"' + value.replace('"', '""') + '"' if quoted or odd else value
 
 
 class WrittenCells(Struct, frozen=True):
-    """A table as a spreadsheet shows it: every value as it is written."""
+    """The cells of a table in their written form."""
 
     file: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    """The line where each row begins in the file, from 1."""
+    """The first line of each row in the file, from 1."""
 
 
 def written_cells(files: Files, name: str) -> WrittenCells:
-    """Read the table of this name as it is written. :raises EditRefused: there is none, or it cannot be read."""
+    """Read the written form of a table. :raises EditRefused: there is none of this name, or it is unreadable."""
     table = _read(name, files)
     width = len(table.columns)
     lines = tuple(table.file.line(row.start) for row in table.rows)
@@ -80,7 +80,7 @@ def written_cells(files: Files, name: str) -> WrittenCells:
 
 
 def table_names(files: Files) -> tuple[str, ...]:
-    """List all tables of a study by name, also those that cannot be read."""
+    """List all tables of a study by name, including unreadable ones."""
     return tuple(sorted(_table_files(files)))
 
 
@@ -185,7 +185,7 @@ def _refuse_known(participant: str, files: Files) -> None:
 def _plan(
     table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str, columns: list[str] | None = None
 ) -> Plan:
-    """Check the result and make the plan. :raises EditRefused: the file would not read as these columns and rows."""
+    """Check the result and make the plan. :raises EditRefused: the file would not have these columns and rows."""
     text = changed_text(table.file.text, edits)
     after = _records(table.file.name, text, table.separator)
     columns = table.columns if columns is None else columns
@@ -234,7 +234,7 @@ def _records(file: str, text: str, separator: str) -> tuple[CsvReader, list[Tabl
 
 
 def _value(written: str) -> str:
-    """Normalize a value: without blanks around it, and with a table's line ends."""
+    """Normalise a value: without surrounding blanks, and with a table's line ends."""
     return written.strip().replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -29,11 +29,11 @@ from rise_engine.syntax.toml import KeyPath, toml_key, toml_value
 from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_keys, set_value
 
 _SHOWN = 60
-"""Characters of a text that a sentence shows."""
+"""Maximum characters of a text in a sentence."""
 
 
 def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
-    """Plan a translation of the act's present text; without a value, it goes, even if its act no longer exists.
+    """Plan a translation of the act's present text; without a value, remove it, even if its act no longer exists.
 
     :raises EditRefused: there is no such text or language, or the file cannot be changed there.
     """
@@ -62,9 +62,9 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
 
 
 def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
-    """Plan a language for translations; its file is made with the first translation.
+    """Plan a language for translations; the first translation creates its file.
 
-    :raises EditRefused: it is not a language, the study has it already, or the acts are in it.
+    :raises EditRefused: it is not a language, the study already has it, or it is the acts' language.
     """
     language = edit.language.strip()
     if problem := language_problem(language):
@@ -82,7 +82,7 @@ def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
 
 
 def _also(study: StudyState) -> list[str]:
-    """Read what `[languages]` lists now; nothing if it cannot be read."""
+    """Read the present list in `[languages]`; empty if it is unreadable."""
     try:
         table = tomllib.loads(file_of(study.files, SCENARIO_FILE).text).get("languages", {})
     except (EditRefused, ValueError, RecursionError):
@@ -102,7 +102,7 @@ def existing_language(study: StudyState, language: str) -> tuple[str, str]:
 def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None]) -> tuple[Splice, ...]:
     """Update the translations of texts that an edit of an act removes or renumbers.
 
-    :param moved: by act and key of a text (`("R_Yes", "2/1")`), its new key in the act; None: it goes.
+    :param moved: by act and key of a text (`("R_Yes", "2/1")`), its new key in the act; None: it is removed.
     :raises EditRefused: the form of a file of translations does not allow this.
     """
     found: list[Splice] = []
@@ -154,7 +154,7 @@ def _read(file: EditedText) -> TomlText:
 
 
 def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
-    """Find the changes of a file. :raises EditRefused: because of its form, it would not be TOML any more."""
+    """Find the changes of a file. :raises EditRefused: because of its form, it would no longer be TOML."""
     try:
         TomlText(after)
     except EditRefused:
@@ -187,7 +187,7 @@ def _replaced(toml: TomlText, path: KeyPath, entries: Mapping[str, str]) -> str:
 
 
 def _insertion(toml: TomlText, text: SpokenText, entries: Mapping[str, str], texts: Sequence[SpokenText]) -> TextEdit:
-    """Insert a new translation where the order of the acts puts it."""
+    """Insert a new translation in the order of the acts."""
     new, line_end = _pair_text(text.key, entries), toml.newline
     section = next((each for each in toml.sections if each.path == (text.act,)), None)
     if section is not None:
@@ -239,7 +239,7 @@ PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
 def follow_act(study: StudyState, act: str, key_of: Callable[[SpokenText], str | None]) -> tuple[Splice, ...]:
     """Update the translations of an act.
 
-    :param key_of: the key that a text of the act has afterwards; None: it goes.
+    :param key_of: gives the new key of a text; None: it is removed.
     :raises EditRefused: the form of a file of translations does not allow this.
     """
     moved = {(text.act, text.key): key_of(text) for text in study.checked.texts if text.act == act}
@@ -259,7 +259,7 @@ def follow_action(
 def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
     """Return the edit that changes the original of a text.
 
-    :raises EditRefused: its form allows changes in its file only.
+    :raises EditRefused: its form can only be changed in its file.
     """
     act, written = outline.act(text.act), written_original(text, outline)
     if act is None or written is None:
@@ -274,7 +274,7 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
 
 
 def written_original(text: SpokenText, outline: Outline) -> WrittenValue | None:
-    """Return what the file of its act has for a text; None: it cannot be found there."""
+    """Return the written form of a text in its act's file; None: it is not found there."""
     act = outline.act(text.act)
     action = next((each for each in act.actions if each.id == text.action.id), None) if act is not None else None
     if action is None or text.variant >= len(action.calls):

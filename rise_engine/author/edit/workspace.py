@@ -41,11 +41,11 @@ StudyCheck: TypeAlias = Callable[[Path, Held], list[Diagnostic]]
 
 
 SETTLE_SECONDS = 0.3
-"""Seconds in which files that somebody else is writing become whole: many programs empty a file and then fill it."""
+"""Seconds to wait for files that another program is writing: many programs empty a file and then fill it."""
 
 
 class Workspace:
-    """A study's folder, open for editing. It reads and writes the disk, and blocks: do not use it in an event loop.
+    """A study's folder, open for editing. It reads and writes the disk and blocks: do not use it in an event loop.
 
     >>> from tempfile import TemporaryDirectory
     >>> from rise_engine.author.edit.edits import SetStartValue
@@ -61,13 +61,13 @@ class Workspace:
     """
 
     files: Files
-    """The files now, with all changes."""
+    """The present files, with all changes."""
     saved: Files
-    """The files as last read from the disk or written to it."""
+    """The files as last read from or written to the disk."""
 
     def __init__(self, folder: Path, *, robot: str | None = None, also_check: StudyCheck | None = None) -> None:
-        """:param folder: the study's, or a scenario.toml in it.
-        :param robot: the name of a profile, instead of the one that the study names.
+        """:param folder: the study's folder, or a scenario.toml in it.
+        :param robot: the name of a profile to use instead of the study's.
         :param also_check: checks the files for a study with participants, which this module does not read.
         :raises EditRefused: it is not a folder, cannot be read, or is a study that comes with the program.
         """
@@ -79,10 +79,10 @@ class Workspace:
         self._lock = EditorLock(self.folder)
         try:
             self.finished = finish_interrupted(self.folder) if not self.read_only else ()
-            """Files of an earlier save that was killed and is complete now."""
+            """Files of an earlier save that was killed and is now complete."""
             self.files = self.saved = read_study_files(self.folder)
             self.above = read_study_above(self.folder)
-            """The study.toml of a folder above, by its path. It is known, and not edited here."""
+            """The study.toml of a folder above, by its path. It is read and not edited here."""
         except BaseException:
             self._lock.release()
             raise
@@ -90,12 +90,12 @@ class Workspace:
         self._history = History()
         self._draft = DraftFile(self.folder)
         self._is_draft_open = not self._lock.holder and self._draft.read() is not None
-        """Whether the draft of an earlier editor is still neither taken up nor discarded."""
+        """Whether an earlier editor's draft was neither taken up nor discarded yet."""
         self._state: StudyState | None = None
 
     @property
     def read_only(self) -> str:
-        """Why nothing can be saved here, as a sentence; empty: it can."""
+        """Why saving is not possible, as a sentence; empty: it is."""
         if self._lock.holder:
             return f"{self._lock.holder}, has this study open; here you can only look"
         if not os.access(self.folder, os.W_OK):
@@ -113,7 +113,7 @@ class Workspace:
 
     @property
     def checked(self) -> LoadResult:
-        """The check of the present `files`; `scenario` is None while there is an error."""
+        """The check of the present `files`; `scenario` is None if there is an error."""
         return self.state.checked
 
     @property
@@ -126,7 +126,7 @@ class Workspace:
 
     @property
     def changes(self) -> Sequence[Change]:
-        """The unsaved changes, in order, with those that were saved and then undone first."""
+        """The unsaved changes in order; first those that were saved and then undone."""
         back, made = self._history.unsaved
         taken = [Change((), tuple(f"taken back: {sentence}" for sentence in step.change.says)) for step in back]
         return [*taken, *(step.change for step in made)]
@@ -141,11 +141,11 @@ class Workspace:
     # --- changing -------------------------------------------------------------------------------------------------
 
     def preview(self, *edits: AnyEdit) -> LoadResult:
-        """Check what the files would be, without changing them. :raises EditRefused: an edit cannot be made."""
+        """Check the result of edits without making them. :raises EditRefused: an edit cannot be made."""
         return self._plan(edits)[0].checked
 
     def foresee(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
-        """Compute the effect of edits without making them; impossible ones are left out, with their reasons."""
+        """Compute the effect of edits without making them; impossible ones are omitted, with their reasons."""
         now = self.files, self._state
         says: list[str] = []
         noticed: list[str] = []
@@ -209,7 +209,7 @@ class Workspace:
         return step.change
 
     def diff(self) -> str:
-        """Show what saving would change, as `diff -u` does."""
+        """Return the effect of saving, like `diff -u`."""
         return diff_of(self.saved, self.files)
 
     # --- changes from outside -------------------------------------------------------------------------------------
@@ -217,10 +217,10 @@ class Workspace:
     def notice_outside(self, *, settled: bool = False) -> OutsideChange | None:
         """Read the files that have changed on the disk. None: there are none.
 
-        A file with unsaved changes here keeps its content from here. It is named in `clash`, and `take_outside` takes
-        the content of the disk.
+        A file with unsaved changes keeps its content from here. It is listed in `clash`; `take_outside` takes the
+        content of the disk.
 
-        :param settled: leave changes to the next look while somebody is still writing. Takes SETTLE_SECONDS then.
+        :param settled: leave changes to the next call while another program is writing. Takes SETTLE_SECONDS then.
         :raises EditRefused: the folder cannot be read.
         """
         if self._lock.holder:
@@ -238,7 +238,7 @@ class Workspace:
         own = changed_names(self.saved, self.files)
         files = _with_files(now, own, self.files)
         forgotten = bool(outside & self._history.touched())
-        if forgotten:  # an undo would restore files as they were before somebody else changed them
+        if forgotten:  # an undo would restore files from before the outside change
             changes = self.changes
             says = tuple(sentence for change in changes for sentence in change.says)
             edits = tuple(edit for change in changes for edit in change.edits)
@@ -251,7 +251,7 @@ class Workspace:
         return OutsideChange(tuple(sorted(outside)), clash, forgotten)
 
     def take_outside(self, names: Collection[str]) -> Change:
-        """Take files from the disk, as a step: undoing it restores the own changes."""
+        """Take files from the disk as a step, so that undo restores the own changes."""
         change = Change((), tuple(f"{name} is as it is on the disk" for name in sorted(names)))
         self._add_step(change, _with_files(self.files, names, self.saved))
         self._keep_draft()
@@ -309,7 +309,7 @@ class Workspace:
         return None if self._lock.holder else self._draft.read()
 
     def take_up_draft(self, draft: Draft) -> OutsideChange:
-        """Take the files of a draft, as one step. A file that has changed on the disk since is in `clash`."""
+        """Take the files of a draft as one step. A file that has since changed on the disk is in `clash`."""
         base = hashes(self.saved)
         changed = {name for name in base.keys() | draft.base.keys() if base.get(name) != draft.base.get(name)}
         self._forget_open_draft()
@@ -336,6 +336,6 @@ class Workspace:
 
 
 def _with_files(files: Files, names: Collection[str], source: Mapping[str, bytes | None]) -> Files:
-    """Replace some files by those in `source`; a file that it does not have is removed."""
+    """Replace some files by those in `source`; files that it lacks are removed."""
     taken = {name: data for name in names if (data := source.get(name)) is not None}
     return {**{name: data for name, data in files.items() if name not in names}, **taken}

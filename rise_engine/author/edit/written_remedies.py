@@ -197,7 +197,7 @@ def _time_unit(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """Offer to escape `<`, `&` and quotation marks in the whole file: one left over would make it unreadable."""
+    """Offer to escape `<`, `&` and quotation marks in the whole file: each remaining one would make it unreadable."""
     if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
         return
     mended = RepairedText(place.text).text
@@ -205,7 +205,7 @@ def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _one_version(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """Offer each of the two versions that git could not join."""
+    """Offer each of the two versions of a git conflict."""
     if place.finding.code != "merge-conflict" or (found := _CONFLICT.match(place.text, place.start)) is None:
         return
     for version, words in (("ours", "upper"), ("theirs", "lower")):
@@ -225,7 +225,7 @@ def _no_silencing(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _no_attribute(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """Offer to remove an unknown attribute, except for a function's, which says what to do."""
+    """Offer to remove an unknown attribute, except for a function, whose attribute is its effect."""
     attribute = _ATTRIBUTE.match(place.text, place.start) if place.finding.code == "unknown-attribute" else None
     opened = place.text.rfind("<", 0, place.start)
     if attribute is None or place.text.startswith("<function", opened):
@@ -264,4 +264,4 @@ WRITTEN: tuple[Callable[[FindingPlace], Iterable[WrittenRemedy]], ...] = (
     _no_attribute,
     _own_id,
 )
-"""Each offers its remedies for a diagnostic; a single one is likely what the author meant."""
+"""Each offers its remedies for a diagnostic; a single one is probably what the author meant."""

@@ -1,1 +1,1 @@
-"""All situations that a scenario can reach, found before the first participant comes."""
+"""Explores all situations that a scenario can reach, before the first participant comes."""

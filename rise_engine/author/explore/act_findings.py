@@ -38,7 +38,7 @@ class SituationView:
 
 
 class PropertyChecker:
-    """Checker of a scenario's properties in all explored situations."""
+    """Checks a scenario's properties in all explored situations."""
 
     def __init__(self, explored: Explored) -> None:
         self._explored = explored
@@ -154,7 +154,7 @@ def find_two_at_once(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_cut_off(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find the acts that can be cut off, and by what."""
+    """Find the acts that can be cut off, with the causes."""
     by: dict[str, dict[str, None]] = {}
     first: dict[str, Fact] = {}
     for fact in explored.facts("cut off"):
@@ -174,7 +174,7 @@ def find_cut_off(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find acts that a rule queues again while the same act still waits there or runs."""
+    """Find acts that a rule queues again while the same act still waits or runs."""
     cases: dict[tuple[str, str], list[tuple[Number, Situation]]] = {}
     for number, _, situation in explored.space.beyond_steps:
         last = situation.waiting[-1]
@@ -196,9 +196,9 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
-    """Return whether the queue can grow again: the situation without the added act can reach the place of the addition.
+    """Return whether the queue can grow again: the situation without the added act can lead to the same addition.
 
-    What rules do does not depend on the queue.
+    The behaviour of rules does not depend on the queue.
     """
     shorter = longer._replace(waiting=longer.waiting[:-1])
     last = len(longer.waiting) - 1
@@ -217,7 +217,7 @@ def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
 
 
 def find_out_of_step(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find rules that take the end of one act for the end of another of the same name."""
+    """Find rules that mistake the end of one act for the end of another with the same name."""
     for fact in explored.facts("out of step"):
         _, rule, state, act = fact
         yield ExploreFinding(

@@ -1,9 +1,9 @@
-"""Acts as single units: only what rules and the scheduler can see of them, and how long they take.
+"""Acts as single units, with only their duration and what rules and the scheduler can observe.
 
 Rules learn only that an act has ended, and how. The scheduler uses only the channels of the whole act. So exploring
-does not follow an act action by action: it runs until it succeeds, fails, or is cancelled. After a failure or
-cancellation, the robot may have to confirm before the act ends. Where the next step depends on the moment within the
-act, each possibility is a decision (`Decisions`), so that exploring tries them all.
+does not follow an act's actions: the act runs until it succeeds, fails, or is cancelled. After a failure or
+cancellation, the robot may have to confirm before the act ends. If the next step depends on the moment within the act,
+each possibility is a decision (`Decisions`), so that exploring tries them all.
 """
 
 from __future__ import annotations
@@ -25,31 +25,31 @@ from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.speech.template import MemorySlot
 
 Beginning: TypeAlias = Literal["runs", "ends", "fails"]
-"""What happens to an act as soon as it starts; `ends`: it contains nothing that takes time."""
+"""The immediate result of an act's start. `ends`: it contains nothing that takes time."""
 Pace: TypeAlias = tuple[float, float]
 """The minimum and maximum duration of a robot's action, as multiples of the expected one."""
 
 
 class ActTraits(Struct, frozen=True):
-    """An act as exploring sees it."""
+    """The properties of an act that exploring uses."""
 
     name: str
     uses_robot: bool
-    """Whether the robot takes part; false: it only waits."""
+    """Whether the robot takes part; False: the act only waits."""
     can_fail: bool
     """Whether a failed action would make it fail."""
     can_go_on: bool
-    """Whether it goes on after a failed action, with `<onFailure>continue</onFailure>`."""
+    """Whether it continues after a failed action, with `<onFailure>continue</onFailure>`."""
     waits: bool
-    """Whether it can have a moment at which it only waits and the robot does nothing for it."""
+    """Whether it may have a moment at which it only waits and the robot does nothing for it."""
     is_parallel: bool
-    """Whether the robot can still be doing something for it when it fails."""
+    """Whether the robot may still be busy with it when it fails."""
     speaks: bool
-    """Whether it begins with something that takes the robot's voice."""
+    """Whether it begins with an action that uses the robot's voice."""
     changes_voice: bool
     """Whether the robot is silent in one part of it and speaks in another."""
     least: int
-    """Its minimum duration in milliseconds, and its maximum, when nothing fails."""
+    """Its minimum and maximum duration in milliseconds, if nothing fails."""
     most: int
 
 
@@ -75,11 +75,11 @@ def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]
 def begin(
     scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: bool, choose: Callable[[int], int]
 ) -> tuple[Beginning, bool, bool]:
-    """Determine what happens to an act that starts with this memory.
+    """Determine the immediate result of an act that starts with this memory.
 
-    :param choose: chooses one of so many possibilities. If only some wordings can be said, any can be taken.
-    :return: what happens immediately; whether the robot has begun something of it by then; and whether a later action
-        could fail with this memory.
+    :param choose: chooses one of a number of possibilities. If only some wordings can be spoken, each may be chosen.
+    :return: the immediate result; whether the robot has begun an action by then; whether a later action could fail with
+        this memory.
     """
     ready = [action for action in act.actions if not action.wait_for]
     ended: set[str] = set()
@@ -108,7 +108,7 @@ def begin(
 
 
 def keys_without_fallback(act: Act) -> Iterable[str]:
-    """Yield the memory keys whose absence makes an action fail, without parts of values (`items[i]`)."""
+    """Yield the memory keys whose absence makes an action fail, except parts of values (`items[i]`)."""
     for action in act.actions:
         for call in action.calls:
             yield from (slot.key for slot in _slots(call) if slot.fallback is None and slot.part is None)
@@ -128,7 +128,7 @@ def _slots(call: ActionCall) -> Iterable[MemorySlot]:
 
 
 def _failing_calls(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> int:
-    """Count the wordings of an action that the robot cannot do, or that need a missing value."""
+    """Count the wordings of an action that the robot cannot perform, or that need a missing value."""
     failing = 0
     for call in action.calls:
         spec = scenario.robot.actions[call.type]
@@ -155,7 +155,7 @@ def _speaks(scenario: Scenario, action: Action) -> bool:
 
 
 def _has_parallel(act: Act, on_robot: Sequence[Action]) -> bool:
-    """Return whether one of these actions can fail, and the act with it, while another independent one is under way."""
+    """Return whether an action can fail, and the act with it, while another independent one is running."""
     before: dict[str, set[str]] = {}
     for action in actions_in_order(act):
         before[action.id] = {id for each in action.wait_for for id in (each, *before.get(each, ()))}
@@ -182,11 +182,11 @@ def _length(scenario: Scenario, act: Act, memory: Mapping[str, Any], pace: float
 FRACTIONS = tuple(index / 12 for index in range(12))
 """Representatives of the numbers in [0, 1): twelve values, so that parts down to a twelfth all occur."""
 MAX_SCRIPTS = 64
-"""How many outcomes of one input are tried; random choices with more are not tried completely."""
+"""Maximum number of outcomes of one input that are tried; random choices with more are incomplete."""
 
 
 class Decisions(Rng):
-    """A source of chance that reads from a script and can provide the next script."""
+    """Makes random decisions from a script, and provides the next script."""
 
     def __init__(self) -> None:
         super().__init__(0)
@@ -195,7 +195,7 @@ class Decisions(Rng):
         self._script: list[int] = []
 
     def begin(self, script: list[int]) -> None:
-        """Decide from here on as the script says, and by 0 after its end."""
+        """Decide from now on according to the script, and by 0 after its end."""
         self._script = script
         self.made.clear()
 
@@ -213,7 +213,7 @@ class Decisions(Rng):
         return FRACTIONS[self.choose(len(FRACTIONS))]
 
     def next_script(self) -> list[int] | None:
-        """Return the next script: the last decision with a possibility left takes it; None: all were tried."""
+        """Return the next script: the last decision with an untried possibility takes it; None: all were tried."""
         made = self.made
         while made:
             choice, count = made.pop()
@@ -223,7 +223,7 @@ class Decisions(Rng):
 
 
 Phase: TypeAlias = Literal["running", "doomed", "failing", "canceling", "failing and canceling"]
-"""doomed: one of its actions will fail in its turn, unless something gives the memory the value that it needs."""
+"""doomed: one of its actions will fail in its turn, unless the memory gets the missing value."""
 FAILED = "an action failed"
 
 
@@ -245,8 +245,8 @@ class WholeActRun(ActRun):
 class WholeActs(ActRunner):
     """All running acts, each as a single unit.
 
-    The robot's report on an act is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
-    `aborted`, by the robot or somebody else; `canceled`, when a failing or cancelled act is over; `accepted`, when an
+    The robot's report on an act is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, or
+    `aborted` by the robot or another program; `canceled`, when a failing or cancelled act is over; `accepted`, when an
     act changes between speaking and silence.
     """
 
@@ -254,7 +254,7 @@ class WholeActs(ActRunner):
         super().__init__(core, on_ended)
         self.traits: dict[str, ActTraits] = {}
         self.decisions = Decisions()
-        """The source of decisions between the possibilities of a moment."""
+        """The decisions between the possibilities of a moment."""
 
     @property
     def is_speaking(self) -> bool:

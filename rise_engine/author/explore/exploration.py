@@ -29,22 +29,22 @@ from rise_engine.scenario.model import Scenario
 # --- several processes ------------------------------------------------------------------------------------------------
 
 _PORTION = 64
-"""Situations that a core gets at a time: enough to make sending them cheap compared with following them."""
+"""Situations that a core gets at a time: enough to make sending them cheap."""
 _AHEAD = 3
-"""Portions under way at once for each core."""
+"""Portions in progress at once for each core."""
 _SECONDS = 0.05
-"""Seconds to wait for a portion before asking again whether to go on."""
+"""Seconds to wait for a portion before asking again whether to continue."""
 
 _Portion: TypeAlias = list[tuple[Number, Situation, Zone]]
 _Followed: TypeAlias = tuple[list[tuple[Number, list[FollowedMove]]], int]
-"""The moves from each situation, and how many inputs they took."""
+"""The moves from each situation, and the number of inputs."""
 
 _stepper: Stepper | None = None
 """The stepper of this process."""
 
 
 def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> None:
-    """Explore like `Space.explore`, on several cores; one core does everything where forking is not available.
+    """Explore like `Space.explore`, on several cores, or on one if forking is not available.
 
     Forked processes need no copy of the scenario.
     """
@@ -88,7 +88,7 @@ def _follow(portion: _Portion) -> _Followed:
 
 
 QUICK_SECONDS = 4.5
-"""Seconds of processor time that `explore_quickly` takes at most. A busy machine finds the same, only later."""
+"""Maximum processor seconds of `explore_quickly`. A busy machine finds the same, only later."""
 _LEVELS = ("problem", "warning", "remark")
 
 
@@ -102,15 +102,15 @@ class Exploration(Struct, frozen=True, kw_only=True):
     """Whether all situations within the bounds were explored."""
     situations: int
     steps: int
-    """How many inputs the kernel got."""
+    """The number of inputs to the kernel."""
     looked_at: tuple[str, ...]
-    """What was explored and what was not, in sentences."""
+    """Sentences on what was and was not explored."""
     told: tuple[str, ...]
-    """What holds, in sentences."""
+    """Sentences on what holds."""
     findings: tuple[ExploreFinding, ...]
     """Problems first."""
     keys: dict[str, dict[str, str]]
-    """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
+    """For each state of the main rule and each key, whether it has an effect: always, sometimes or never."""
 
     def row(self, scenario: Scenario) -> dict[str, Any]:
         """Return the results for programs (`--json`); `scenario` is the explored one."""
@@ -151,10 +151,10 @@ def explore(
 
     Arguments:
         scenario: checked, as `rise_engine.scenario.loader.load` returns it.
-        bounds: how far to go; None: as the scenario says.
+        bounds: the bounds; None: the scenario's.
         sessions: the sessions to explore; empty: one for each condition of the scenario.
-        cores: how many processes explore at once.
-        go_on: is called some hundred times a second with the results so far; false stops it.
+        cores: the number of processes.
+        go_on: is called some hundred times a second with the results so far; False stops it.
 
     >>> from rise_engine.scenario.loader import load
     >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))
@@ -178,7 +178,7 @@ def explore(
 
 
 def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
-    """Explore for a few seconds at most, without stops and lost robots, for a user who waits for the answer."""
+    """Explore for a few seconds at most, without stops and lost robots, for a user who waits for the result."""
     until = time.thread_time() + QUICK_SECONDS
     return explore(scenario, quick_bounds(scenario), go_on=lambda space: time.thread_time() < until and go_on())
 
@@ -252,7 +252,7 @@ def tell(explored: Explored) -> Exploration:
 
 
 def _looked_at(explored: Explored) -> Sequence[str]:
-    """Describe what was explored and what was not."""
+    """Describe what was and was not explored."""
     space = explored.space
     stepper = space.stepper
     bounds = stepper.bounds

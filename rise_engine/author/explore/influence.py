@@ -1,4 +1,4 @@
-"""The cone of influence: the memory keys that can decide what happens. Others need not be told apart."""
+"""The cone of influence: the memory keys that can affect what happens. Exploring ignores all others."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from rise_engine.scenario.model import (
 def keys_that_matter(
     scenario: Scenario, memories: Sequence[Mapping[str, Any]], properties: Iterable[Expression] = ()
 ) -> list[str]:
-    """Return the memory keys whose values decide what happens, in a fixed order.
+    """Return the memory keys whose values affect what happens, in a fixed order.
 
     Arguments:
-        scenario: whose rules and acts read them.
+        scenario: the scenario with the rules and acts that read them.
         memories: possible memories at the beginning.
         properties: conditions that will be evaluated in each situation.
 
-    A condition does not count if it reads a key that the same block has set before: within a block, the value depends
-    only on the keys that it was made of.
+    A key that the same block has set before does not count for a condition: its value depends only on the keys in its
+    assignment.
     """
     matter = {key.partition(".")[0] for expression in properties for key in _reads(expression)}
     writes = [*_assignments_of_keys(scenario)]
@@ -111,7 +111,7 @@ def _heads(keys: Iterable[str]) -> set[str]:
 def _add_reads_of_block(block: Block, made_of: dict[str, set[str]], matter: set[str]) -> None:
     """Add the keys that the conditions of a block read.
 
-    :param made_of: the keys that the block has set before, each with the keys that made its value.
+    :param made_of: the keys that the block has set before, each with the keys in its assignment.
     """
     for statement in block:
         match statement:
@@ -137,12 +137,12 @@ def _add_reads_of_block(block: Block, made_of: dict[str, set[str]], matter: set[
 
 
 def _resolve(keys: set[str], made_of: dict[str, set[str]]) -> set[str]:
-    """Return the keys from before the block that a reading of these keys depends on."""
+    """Return the keys from before the block on which the values of these keys depend."""
     return {source for key in keys for source in made_of.get(key, (key,))}
 
 
 def _join(made_of: dict[str, set[str]], arms: list[dict[str, set[str]]]) -> None:
-    """Join branches: keep what every branch has set, made of what any of them made it of."""
+    """Join branches: keep the keys that every branch has set, made of the keys of all branches."""
     everywhere = set.intersection(*(set(arm) for arm in arms))
     made_of.clear()
     made_of.update({key: set().union(*(arm[key] for arm in arms)) for key in everywhere})
@@ -158,4 +158,4 @@ def _assignments_of_keys(scenario: Scenario) -> Iterator[Assignment]:
             try:
                 yield from Assignment.parse_all(key.behavior)
             except ExpressionError:
-                continue  # this key is refused each time that it is pressed
+                continue  # this key is refused each time it is pressed

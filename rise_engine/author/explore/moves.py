@@ -17,28 +17,28 @@ from rise_engine.scenario.model import CUE_TOPICS, Scenario, normal_topic
 
 
 class Bounds(Struct, frozen=True):
-    """What exploring includes and what it leaves out."""
+    """The limits of exploring."""
 
     keys: Literal["rules", "all"] = "rules"
     """all: also the keys that start acts by hand."""
     line: int = 1
-    """How many acts can wait; nothing is explored after one more."""
+    """Maximum number of waiting acts; one more is not explored."""
     beside: int = 2
-    """How many acts that run beside others run at once."""
+    """Maximum number of acts that run beside others at once."""
     asked: int = 1
-    """How many failed acts can wait for an answer at once."""
+    """Maximum number of failed acts that wait for an answer at once."""
     kept: int = 1
-    """How many events are kept at once for rules that will wait for them."""
+    """Maximum number of kept events for rules that will wait for them."""
     faults: int = 1
-    """How many things go wrong on one path: an act fails, the robot is lost, everything is stopped."""
+    """Maximum number of faults on one path: an act fails, the robot is lost, everything is stopped."""
     stop: bool = True
     """Whether everything can be stopped at any moment."""
     lost: bool = True
-    """Whether the robot can be lost at any moment, and whether it or somebody else can end acts."""
+    """Whether the robot can be lost at any moment, and whether it or another program can end acts."""
     pace: Pace | None = (0.5, 3.0)
     """The minimum and maximum duration of acts as multiples of the expected one; None: any time."""
     tries: dict[str, tuple[Any, ...]] = field(default_factory=dict)
-    """Values that somebody may give memory keys."""
+    """Values that memory keys may get from outside."""
     situations: int = 1_000_000
     """Maximum number of situations."""
     values: int = 15
@@ -46,7 +46,7 @@ class Bounds(Struct, frozen=True):
     merges_alike: bool = True
     """Whether only the first of several interchangeable acts that no rule mentions is started."""
     follows_voice: bool = False
-    """Whether it matters when the robot speaks within an act: something reads `session.speaking`."""
+    """Whether speech within an act matters, because something reads `session.speaking`."""
 
 
 MoveKind: TypeAlias = Literal[
@@ -64,21 +64,21 @@ MoveKind: TypeAlias = Literal[
     "back",
 ]
 BY_PERSON: frozenset[MoveKind] = frozenset({"key", "event", "try", "cue", "release", "answer"})
-"""Moves of somebody or something outside, which may or may not come."""
+"""Moves of people or programs outside, which may or may not come."""
 MISHAPS: frozenset[MoveKind] = frozenset({"stop", "lost"})
-"""Moves that nobody plans."""
+"""Unplanned moves."""
 
 
 class Move(NamedTuple):
-    """One thing that happens."""
+    """One possible next step."""
 
     kind: MoveKind
     name: str = ""
     place: int = 0
-    """Which one, if there are several."""
+    """Its index, if there are several."""
     how: str = ""
     chance: tuple[int, ...] = ()
-    """The random choices in it: for each decision, the possibility taken."""
+    """Its random choices: for each decision, the chosen possibility."""
 
     @property
     def is_mishap(self) -> bool:
@@ -87,22 +87,22 @@ class Move(NamedTuple):
 
     @property
     def is_spontaneous(self) -> bool:
-        """Whether it comes without anybody's action and without a failure."""
+        """Whether it comes without a person's action and without a failure."""
         return self.kind in ("end", "timer", "stopped") and not self.is_mishap
 
 
 class Possibility(NamedTuple):
-    """A move, its input for the kernel, and when it can come."""
+    """A move, its input for the kernel, and its possible times."""
 
     move: Move
     input: AnyInput
     clock: int = 0
-    """The clock that decides when, from 1: those of acts, then those of countdowns; 0: it can come at any time."""
+    """The clock that limits its time, from 1: those of acts, then those of countdowns; 0: none."""
     least: int = 0
-    """What the clock shows then at least, in ms, and at most."""
+    """The minimum and maximum of the clock then, in ms."""
     most: int = 0
     lengthens_line: bool = False
-    """Whether it starts an act that waits for its turn while another waits."""
+    """Whether it starts an act that must wait while another one waits."""
 
 
 class Moves:
@@ -146,7 +146,7 @@ class Moves:
         """The acts for which it matters who has ended them."""
 
     def possible(self, situation: Situation) -> Iterator[Possibility]:
-        """Yield what can come next, people first. The clocks decide which of it time allows."""
+        """Yield the possible next moves, people's first. The clocks decide which of them time allows."""
         yield from self._always
         if self._has_cue:
             yield _CUE
@@ -154,7 +154,7 @@ class Moves:
                 yield _CUE_UNDONE
         for index, act in enumerate(situation.asked):
             if act.phase == "pausing":
-                continue  # no answer is needed: it is repeated automatically
+                continue  # no answer is needed, because it is repeated automatically
             for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
                 if answer != "stopRuleOfAct" or act.is_own:
                     yield Possibility(
@@ -165,7 +165,7 @@ class Moves:
         yield from self._of_mishaps(situation)
 
     def limits(self, situation: Situation) -> list[int]:
-        """Return the maximum that each clock can show, in ms."""
+        """Return the maximum of each clock, in ms."""
         acts = [
             self._traits[act.name].most if act.phase in ("running", "doomed") else _CANCEL_LIMIT
             for act in situation.running

@@ -1,8 +1,8 @@
-"""Playback of a path on the engine: the times of people's actions, and the faults, that make a session take it.
+"""Playback of a path on the engine: finds times of people's actions and faults with which a session takes it.
 
 The simulated robot plays it in virtual time, like `rise-engine run --tasks`. A person's action comes a moment after the
-step before; for everything else, playback waits. Where something must go wrong, it plays the path again with that
-fault. A path that cannot be reproduced is only called *perhaps* possible.
+previous step; for everything else, playback waits. If a fault is necessary, it plays the path again with it. A path
+that cannot be reproduced is only called perhaps possible.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from rise_engine.run.protocol.task_file import TimedTask
 from rise_engine.scenario.model import Scenario
 
 GAPS = (0.5, 0.02)
-"""Seconds from the step before to a person's action; the comfortable one is tried first."""
+"""Seconds from the previous step to a person's action; the comfortable one is tried first."""
 SEEDS = 25
-"""How many seeds are tried where chance decides."""
+"""Number of seeds that are tried for paths with chance."""
 _SHORTLY = 0.3
-"""Seconds before an act's end at which a person does what would be forgotten otherwise."""
+"""Seconds before an act's end for an action that would otherwise be forgotten."""
 _LATER = 60.0
 """Virtual seconds that a step may take beyond its countdowns."""
 _LIVELOCK = 5_000
-"""Inputs in one moment after which playback gives up."""
+"""Number of inputs in one moment after which playback gives up."""
 
 
 class PlayedPath(Struct, frozen=True):
-    """How a path is played."""
+    """The playback of a path."""
 
     tasks: tuple[TimedTask, ...]
-    """What people do, and when; `line` is the number of the path's step."""
+    """People's actions with their times; `line` is the number of the path's step."""
     faults: tuple[str, ...]
-    """What goes wrong, as `--fault` writes it."""
+    """Faults in the form of `--fault`."""
     seed: int
     """The seed of the playback."""
     condition: str
@@ -56,17 +56,17 @@ class PlayedPath(Struct, frozen=True):
     seconds: float
     """Session time at the path's end."""
     is_certain: bool
-    """Whether it was played like this, with every situation as in the path."""
+    """Whether a playback had all situations of the path."""
     problem: str
     """Why it could not be played, in words without a full stop; empty: it was."""
 
 
 def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> PlayedPath:
-    """Play a path on the engine, and return how. Between two steps, other situations may pass: a gaze ends and returns.
+    """Play a path on the engine. Between two steps, other situations may occur: a gaze ends and returns.
 
-    :param scenario: the explored one.
+    :param scenario: the explored scenario.
     :param path: a path through its situations.
-    :param bounds: those of the exploration: the values to try, and how fast acts go.
+    :param bounds: the bounds of the exploration, with the values to try and the durations of acts.
     :raises RiseError: the path belongs to another scenario (`rise_engine.author.explore.path_words`).
     """
     scenario = replace(scenario, mode="debug")
@@ -87,7 +87,7 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
 
 
 def _compared_keys(scenario: Scenario, path: Path) -> tuple[str, ...]:
-    """Return the memory keys of the path's situations; none if they cannot be determined."""
+    """Return the memory keys in the path's situations; empty: they cannot be determined."""
     memories = [{**scenario.memory, **condition.memory} for condition in scenario.conditions.values()]
     keys = tuple(keys_that_matter(scenario, memories or [scenario.memory]))
     return keys if len(keys) == len(path.beginning.memory) and not scenario.reads_session else ()
@@ -104,7 +104,7 @@ def _mismatch_text(scenario: Scenario, followed: Sequence[Followed], reached: in
 
 
 class _Needs(Struct, frozen=True):
-    """What must go wrong, and what must come later, as far as known."""
+    """The known necessary faults and delays."""
 
     slips: Mapping[int, str] = field(default_factory=dict)
     """Faults of actions, by the step in which their act fails."""
@@ -122,7 +122,7 @@ class _Needs(Struct, frozen=True):
 def _play(
     scenario: Scenario, path: Path, followed: Sequence[Followed], keys: Sequence[str], seed: int, gap: float
 ) -> _Play:
-    """Play a path, again with each fault that turns out to be necessary."""
+    """Play a path, repeatedly, with each fault that turns out to be necessary."""
     needs = _Needs()
     while True:
         play = _Play(scenario, path, followed, keys, needs, seed, gap)
@@ -147,11 +147,11 @@ class _Play:
         self._losses, self._inputs, self._moment = 0, 0, -1.0
         self.times: dict[int, float] = {}
         self.reached = 0
-        """How many steps have come as in the path."""
+        """The number of steps that have come as in the path."""
         self.reached_at = 0.0
-        """Session time of the last of them."""
+        """Session time of the last of these steps."""
         self.wanted: _Needs | None = None
-        """The faults and delays that would take it further."""
+        """The faults and delays that would reach the next step."""
 
     def go(self) -> None:
         """Let time pass until the path's end, or until something differs from it."""
@@ -179,14 +179,14 @@ class _Play:
         return comes
 
     def _delay(self, step: int, act: str) -> None:
-        """Delay an action that is forgotten before an act ends until shortly before that end."""
+        """Delay an action until shortly before an act's end, if it would otherwise be forgotten."""
         ends = (each.ended_at for each in self._records if isinstance(each, TimingRecord) and each.act == act)
         end = next((at for at in ends if at is not None and at > self.times[step]), 0.0)
         if (delay := end - _SHORTLY - self.times[step]) > 0:
             self.wanted = replace(self.needs, delays={**self.needs.delays, step: delay})
 
     def _submit(self, step: int) -> bool:
-        """Do a person's action of a step; return False if something else has come meanwhile."""
+        """Perform a person's action of a step; False: something else has come meanwhile."""
         task, done = self._followed[step].submitted, []
         assert task is not None
         at = self.times[step] = round(self._clock.now() + self._gap + self.needs.delays.get(step, 0.0), 3)
@@ -201,7 +201,7 @@ class _Play:
         return done == [True]
 
     def _cut(self, is_lost: bool) -> bool:
-        """Return whether the robot is lost, or back, when the path says so; False: play again with that fault."""
+        """Return whether the robot is lost, or back, at the path's time; False: play again with that fault."""
         losses = self.needs.losses
         self._losses += is_lost
         known = losses[self._losses - 1] if self._losses <= len(losses) else ()
@@ -212,7 +212,7 @@ class _Play:
         return False
 
     def _slip(self, act: str, is_aborted: bool) -> str:
-        """Find a fault that makes a running act fail: its first action that matters to the act; empty: none."""
+        """Find a fault that makes a running act fail: its first action whose failure matters; empty: none."""
         counts: dict[str, int] = {}
         runs = self._engine.kernel.scheduler.runner.runs
         actions = {action.id: action for action in self._scenario.acts[act].actions}
@@ -226,9 +226,9 @@ class _Play:
         return ""
 
     def _wait(self, step: int) -> bool:
-        """Return whether the situation after a step comes sooner or later.
+        """Return whether the situation after a step comes eventually.
 
-        When the robot is lost, its actions fail at the same moment, so the steps for those failures have come with it.
+        When the robot is lost, its actions fail simultaneously, so the steps of those failures have come, too.
         """
         following = range(step + 1, len(self._followed)) if self._move(step).kind == "lost" else ()
         ends = takewhile(lambda each: self._move(each).kind == "end", following)
@@ -246,7 +246,7 @@ class _Play:
         return move
 
     def _advance(self) -> bool:
-        """Let the next thing happen; False: nothing more happens, or it loops without end."""
+        """Let the next event happen; False: there is none, or it loops without end."""
         if not self._clock.advance():
             return False
         if self._clock.now() > self._moment:
@@ -258,7 +258,7 @@ class _Play:
 
 
 def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
-    """Return what is compared of a situation in a path."""
+    """Return the compared parts of a path's situation."""
     return (
         tuple(sorted((rule.name, rule.state) for rule in situation.rules)),
         tuple(act.name for act in situation.waiting),
@@ -274,7 +274,7 @@ def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
 
 
 def _look_at(kernel: Kernel, keys: Sequence[str]) -> tuple[object, ...]:
-    """Return what is compared of a session in playback."""
+    """Return the compared parts of a session in playback."""
     core, runner = kernel.core, kernel.scheduler.runner
     asked = kernel.failures.state.asked
     countdowns = []
@@ -319,10 +319,10 @@ def _comparable(value: bytes | None) -> bytes | None:
 def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str) -> str:
     """Write a task file for `rise-engine run --tasks`.
 
-    :param title: what it shows, in a sentence.
+    :param title: its subject, in a sentence.
     :param told: the path in sentences (`path_words.tell_path`).
-    :param played: how it is played.
-    :param study: the scenario's folder, as a command would name it.
+    :param played: the playback.
+    :param study: the scenario's folder, in the form of a command's argument.
     """
     lines = [
         indent(title, "# "),

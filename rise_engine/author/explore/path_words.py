@@ -1,4 +1,4 @@
-"""A path, followed on one kernel and told in sentences: what is done or happens, and what rules and acts do then."""
+"""Follows a path on one kernel and describes it in sentences: events, and the reactions of rules and acts."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SOURCE = "engine"
 
 
 class Followed(Struct, frozen=True):
-    """One step of a path after it was taken; or its beginning, which has no move."""
+    """One step of a path after it was taken, or its beginning, which has no move."""
 
     move: Move | None
     situation: Situation
@@ -58,13 +58,13 @@ class Followed(Struct, frozen=True):
     timer: int = 0
     """The timer that elapses; 0: none."""
     submitted: Submit | None = None
-    """What a person requests in it."""
+    """The person's request in it."""
     by_chance: bool = False
-    """Whether chance decided something in it."""
+    """Whether it contains a random decision."""
 
 
 class _Draws(Decisions):
-    """Decisions that distinguish chance from what only the moment decides."""
+    """Decisions that distinguish chance from the moment within an act."""
 
     drawn = False
 
@@ -78,7 +78,7 @@ class _Draws(Decisions):
 
 
 def act_traits(scenario: Scenario, path: Path, bounds: Bounds) -> dict[str, ActTraits]:
-    """Compute the traits of each act in the session that a path begins with."""
+    """Compute the traits of each act in the session with which a path begins."""
     memory = [{**scenario.memory, **path.begun.memory}]
     return {name: traits_of(scenario, act, memory, bounds.pace or (0.0, 1.0)) for name, act in scenario.acts.items()}
 
@@ -133,7 +133,7 @@ def _phase(run: object) -> Phase:
 
 
 def _compare(kernel: SituationKernel, wanted: Situation, number: int) -> None:
-    """Check that the step has come as in the path."""
+    """Check that the step leads to the path's situation."""
     now = kernel.read(0)[0]
     for one, other in (
         ([(rule.name, rule.state) for rule in now.rules], [(rule.name, rule.state) for rule in wanted.rules]),
@@ -148,7 +148,7 @@ def _compare(kernel: SituationKernel, wanted: Situation, number: int) -> None:
 def _input_of(
     kernel: SituationKernel, scenario: Scenario, bounds: Bounds, move: Move, before: Situation
 ) -> tuple[AnyInput, int, int]:
-    """Return a move as an input for the kernel in its present state, with its task and its timer."""
+    """Convert a move to an input for the kernel in its present state, with its task and its timer."""
     match move.kind:
         case "end":
             task = [*kernel.runner.runs][move.place]
@@ -168,7 +168,7 @@ def _input_of(
             asked = kernel.kernel.failures.state.asked
             task = [*asked][move.place]
             oldest = next(id for id, each in asked.items() if each.behavior == move.name)
-            behavior = move.name if oldest == task else str(task)  # if several have the name, it means the oldest
+            behavior = move.name if oldest == task else str(task)  # the oldest, if several have the name
             return Submit(function=move.how, behavior=behavior, source=SOURCE), task, 0
         case _:
             return submit_of(scenario, bounds.tries, move, before), 0, 0
@@ -211,12 +211,12 @@ _ACT = "startCommunicationRobotAct"
 
 
 def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> list[str]:
-    """Write one sentence for each step, without number and full stop: what happens → what follows.
+    """Write one sentence for each step, without number and full stop: event → consequences.
 
     Arguments:
-        scenario: the explored one.
+        scenario: the explored scenario.
         path: a path through its situations.
-        bounds: those of the exploration, with the values to try.
+        bounds: the bounds of the exploration, with the values to try.
 
     Raises rise_engine.base.errors.RiseError if the path belongs to another scenario.
     """
@@ -239,7 +239,7 @@ def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
 
 
 def move_text(scenario: Scenario, move: Move, before: Followed, step: Followed) -> str:
-    """Describe what happens, or is done, in a step."""
+    """Describe the move of a step."""
     match move.kind:
         case "key":
             key = scenario.keys[move.name]
@@ -327,7 +327,7 @@ def _consequences(before: Followed, step: Followed) -> Iterator[str]:
 
 
 def _rule_texts(name: str, records: list[RuleRecord]) -> Iterator[str]:
-    """Describe what a rule has done in a step."""
+    """Describe the changes of a rule in a step."""
     begun = any(record.status == "started" for record in records)
     states = [record.state or "" for record in records if record.status == "entered"]
     if begun and states:
@@ -350,7 +350,7 @@ def _and_on(states: Iterable[str]) -> str:
 
 
 def _act_texts(ran: bool, records: list[TaskRecord]) -> Iterator[str]:
-    """Describe what has happened to an act that was requested or under way."""
+    """Describe the changes of an act that was requested or under way."""
     last, name = records[-1], records[-1].behavior
     began = any(record.status == "ACTIVE" for record in records)
     match last.status:
@@ -379,7 +379,7 @@ def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
     said = words_of(record).sentence
     match record:
         case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
-            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # it says why already
+            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # it has the reason
             yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
         case KeptRecord(status="kept" | "taken"):
             yield said

@@ -1,7 +1,7 @@
-"""A scenario played on the engine in virtual time by a simulated person who presses what the rules wait for.
+"""Plays a scenario on the engine in virtual time: a simulated person presses the keys that the rules wait for.
 
-It proves nothing: of several possibilities, it takes the one taken least so far. What it shows has really happened,
-down to the actions: a missing value makes the robot fail here as it would with a participant.
+It proves nothing: of several possibilities, it takes the one taken least so far. But its results have really happened,
+down to the actions: a missing value makes the robot fail as in a session.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ MOST_SESSIONS = 12
 IN_VAIN = 3
 """Number of consecutive sessions without a new act after which it stops."""
 MOST_STEPS = 300
-"""Maximum number of steps in a session: actions of a person, and waits until something happens."""
+"""Maximum number of steps in a session: actions of a person, and waits for an event."""
 
 
 class PlayedFailure(Struct, frozen=True):
-    """An action, or an assignment of a rule, that failed although the robot did everything that it was asked."""
+    """An action, or an assignment of a rule, that failed although the simulated robot injected no faults."""
 
     what: str
     """The beginning of a sentence: `R_Ask failed at action 1`."""
     reason: str
     location: SourceLocation
     by_hand: bool = False
-    """Whether the act was started by its own key, which nobody need press at that moment."""
+    """Whether the act was started by its own key, which no person needs to press at that moment."""
 
     @property
     def sentence(self) -> str:
@@ -47,9 +47,9 @@ class PlayedThrough(Struct, frozen=True):
     acts: frozenset[str]
     """The acts that have begun."""
     failures: tuple[PlayedFailure, ...]
-    """Each once."""
+    """Each failure once."""
     ended: bool
-    """Whether the rule that ends the study has ended in one of the sessions."""
+    """Whether the rule that ends the study ended in one of the sessions."""
     is_complete: bool
     """Whether it was played until nothing new happened, or the maximum number of times."""
 
@@ -59,7 +59,7 @@ def play_through(
 ) -> PlayedThrough:
     """Play a scenario until nothing new happens.
 
-    :param scenario: checked; the simulated robot plays it, whatever its mode is.
+    :param scenario: a checked scenario; the simulated robot plays it in any mode.
     :param started: the beginning of each session.
     :param end: the rule that ends the study; empty: there is none.
     :param go_on: is called before each step; if it returns false, the results so far are returned.
@@ -86,7 +86,7 @@ class _Player:
         self._done: Counter[tuple[object, ...]] = Counter()
         """How often each action was taken in each combination of states."""
         self._pressed: set[str] = set()
-        """The keys that were pressed: a key that starts an act is pressed once."""
+        """The pressed keys: a key that starts an act is pressed once."""
         self.acts: set[str] = set()
         self.failures: dict[tuple[str, ...], PlayedFailure] = {}
         self.ended = False
@@ -114,7 +114,7 @@ class _Player:
             trial.start_rule(self._end)
 
     def _do_next(self, trial: Trial) -> bool:
-        """Do what was done least in the present states; return whether there was anything to do."""
+        """Take the action taken least in the present states; return whether there was any."""
         view = trial.view
         states = tuple((name, view.rules[name].state) for name in view.running_rules())
         choices = dict(self._choices(trial))
@@ -159,7 +159,7 @@ class _Player:
                 self.failures.setdefault(key, failure)
 
     def _note_assignment(self, record: TaskRecord) -> None:
-        """Note an assignment of a rule that failed, so that what follows in the rule did not happen."""
+        """Note an assignment of a rule that failed, after which the rule's later functions did not run."""
         kind, _, name = record.source.partition(":")
         if kind != "rule" or record.function != "assignValue" or record.status != "ABORTED":
             return

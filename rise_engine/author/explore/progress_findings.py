@@ -1,4 +1,4 @@
-"""Findings about progress: dead ends, the study's end, rules that loop by themselves, and where a person must act."""
+"""Findings about progress: dead ends, the study's end, rules that loop by themselves, and states that need a person."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rise_engine.scenario.reading.graph import component_numbers
 
 
 def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find situations in which nothing but stopping everything can move a running rule any more."""
+    """Find situations in which only stopping everything can still move a running rule."""
     for rule in explored.scenario.rules.values():
         stuck = explored.stuck(rule.name)
         if not stuck:
@@ -31,7 +31,7 @@ def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find situations from which the study's end cannot be reached any more."""
+    """Find situations from which the study's end is unreachable."""
     end = explored.scenario.rules.get(explored.end)
     if end is None:
         return
@@ -46,9 +46,9 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
         )
         return
     if all(explored.state_of(end.name, number) is None for number in range(len(explored.situations))):
-        return  # something outside starts it: `never-started` reports that
+        return  # started from outside: `never-started` reports that
     able = explored.reaching(explored.ends | explored.unknown, is_planned)
-    stuck = set(explored.stuck(end.name))  # the dead ends report these
+    stuck = set(explored.stuck(end.name))  # reported as dead ends
     lost = [number for number in range(len(explored.situations)) if number not in able and number not in stuck]
     if lost:
         states = {explored.state_of(end.name, number): None for number in lost}
@@ -67,7 +67,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def tell_of_the_end(explored: Explored) -> str:
-    """Say what is known of the study's end, in a sentence; empty: nothing."""
+    """Return a sentence on the study's end; empty: nothing is known."""
     end = explored.scenario.rules.get(explored.end)
     if end is None or all(state.transitions for state in end.states.values()):
         return ""
@@ -81,7 +81,7 @@ def tell_of_the_end(explored: Explored) -> str:
 
 
 def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find rules that were stopped because they took steps without end."""
+    """Find rules that were stopped because of endless steps."""
     for fact in explored.facts("faulted"):
         rule = explored.scenario.rules[fact[1]]
         yield ExploreFinding(
@@ -95,7 +95,7 @@ def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find rules that can loop without end while nobody does anything."""
+    """Find rules that can loop endlessly without a person."""
     spontaneous = [move.is_spontaneous for move in explored.space.moves]
     rounds: Counter[str] = Counter()
     first: dict[str, Number] = {}
@@ -124,7 +124,7 @@ def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def tell_who_must_act(explored: Explored) -> list[str]:
-    """List the states of the study's main rule in which only a person can go on, and the longest silence otherwise."""
+    """List the states of the study's main rule that only a person can leave, and the longest other silence."""
     end = explored.end
     waiting: dict[str, None] = {}
     silence = _Silence(explored)
@@ -151,18 +151,18 @@ def tell_who_must_act(explored: Explored) -> list[str]:
 
 
 class _Silence:
-    """The silence of the robot from a situation until it does something again without a person."""
+    """The robot's silence from a situation until it acts again without a person."""
 
     def __init__(self, explored: Explored) -> None:
         self._explored = explored
         self._known: dict[Number, float | None] = {}
 
     def of(self, number: Number) -> float | None:
-        """Return the seconds of silence; None: without end."""
+        """Return the seconds of silence; None: endless."""
         known = self._known
         if number in known:
             return known[number]
-        known[number] = None  # while it is computed: coming back here means a loop of silence
+        known[number] = None  # while it is computed: coming back here means an endless silence
         longest: float | None = None
         for move, target, _ in self._explored.space.steps_from(number):
             if move.kind != "timer":
@@ -182,7 +182,7 @@ class _Silence:
 
 
 def _standing(explored: Explored, number: Number) -> str:
-    """Say in which states the rules are, the highest first."""
+    """Return the states of the rules, the highest first."""
     rules = reversed(explored.situations[number].rules)
     return ", ".join(f"{rule.name} in {rule.state}" for rule in rules)
 

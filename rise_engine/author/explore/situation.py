@@ -1,7 +1,7 @@
-"""A situation: everything that decides how a session can go on, and nothing else (no time, numbers, words, marks).
+"""A situation: everything that affects how a session can continue, and nothing else (no time, numbers, words, marks).
 
-`SituationKernel.put` brings a kernel into a situation, and `SituationKernel.read` returns the one that it is in. In
-between, the kernel itself handles one input, so that there is no second set of rules that could differ from it.
+`SituationKernel.put` brings a kernel into a situation, and `SituationKernel.read` returns its present one. In between,
+the kernel itself handles one input, so exploring cannot differ from sessions.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rise_engine.scenario.model import SESSION, SESSION_STATES, Scenario
 
 ActPhase: TypeAlias = Phase | Literal["", "pausing", "without robot"]
 PERSON = "engine"
-"""The source of everything that no rule has requested: exploring does not distinguish people and programs."""
+"""The source of all requests except those of rules: exploring does not distinguish people and programs."""
 
 
 class RuleInState(NamedTuple):
@@ -49,15 +49,15 @@ class ActTask(NamedTuple):
     source: str
     """`rule:NAME`, or PERSON."""
     attempt: int
-    """The number of the attempt, as far as it decides about a repetition."""
+    """The number of the attempt, as far as it affects a repetition."""
     is_own: bool
-    """Whether the present run of the rule has started it, and not an earlier run of that rule."""
+    """Whether the present run of the rule has started it, not an earlier one."""
     phase: ActPhase = ""
-    """A running act's phase; for a failed one, whether it is in the pause before an automatic repetition, or waits for
-    the robot before that."""
+    """A running act's phase; for a failed one, whether it pauses before an automatic repetition, or waits for the robot
+    before that."""
     speaking: bool = False
     interfered: bool = False
-    """Whether it cannot be repeated automatically any more, because of who has ended one of its actions."""
+    """Whether it cannot be repeated automatically, because of who ended one of its actions."""
 
 
 class Countdown(NamedTuple):
@@ -82,13 +82,13 @@ class Situation(NamedTuple):
     running: tuple[ActTask, ...]
     asked: tuple[ActTask, ...]
     countdowns: tuple[Countdown, ...]
-    """In the order in which they were set, if that matters; otherwise in a fixed order."""
+    """In the order in which they were set, if it matters; otherwise in a fixed order."""
     kept: tuple[str, ...]
     """The topics of kept events, the oldest first."""
     memory: tuple[bytes | None, ...]
-    """The values of the keys that matter, as JSON; None: there is no value."""
+    """The values of the keys that matter, as JSON; None: no value."""
     faults_left: int
-    """How many more things may go wrong: an act fails, the robot is lost, everything is stopped."""
+    """The remaining number of faults: an act fails, the robot is lost, everything is stopped."""
     stop: StopStatus
     robot_lost: bool
     cue_open: bool
@@ -102,7 +102,7 @@ class _SituationKernel(Kernel):
 
 
 class SituationKernel:
-    """One kernel that is put into one situation after the other."""
+    """A kernel that is put into one situation after the other."""
 
     def __init__(
         self,
@@ -142,7 +142,7 @@ class SituationKernel:
         self._follows_failures = follows_failures
         self._last_attempt = {name: scenario.failure_policy(name).times + 1 for name in scenario.acts}
         self._session_parts = parts_of_session_read(scenario) | set(SESSION_STATES) if scenario.reads_session else None
-        """The parts of `session` that matter; None: the memory has no `session`."""
+        """The relevant parts of `session`; None: the memory has no `session`."""
         self._follows_fillers = scenario.fillers.auto_after is not None
 
     # --- put ---
@@ -289,7 +289,7 @@ class SituationKernel:
     # --- read ---
 
     def read(self, faults_left: int) -> tuple[Situation, tuple[int, ...], tuple[int, ...]]:
-        """Return the situation that the kernel is in, between inputs.
+        """Return the kernel's present situation, between inputs.
 
         Also return the owners of its clocks: the tasks of the running acts and the numbers of the timers, each in the
         order of the situation.
@@ -334,7 +334,7 @@ class SituationKernel:
         return situation, tuple(runs), timers
 
     def _read_memory(self, session_parts: frozenset[str]) -> tuple[bytes | None, ...]:
-        """Read the memory's values, and only these parts of `session`."""
+        """Read the memory's values, and only the relevant parts of `session`."""
         memory, encode = self.core.memory, msgspec.json.encode
         session = {name: value for name, value in memory[SESSION].items() if name in session_parts}
         seen = ChainMap({SESSION: session}, memory)
@@ -351,7 +351,7 @@ class SituationKernel:
         numbers, countdowns = [], []
         for number, target in sorted(core.timers.items()):
             if target.purpose == "stop":
-                continue  # everything is stopped afterwards, whether the robot confirms in time or not
+                continue  # everything is stopped afterwards, even if the robot does not confirm in time
             owner, item = target.owner, 0
             if target.purpose == "after":
                 item = int(target.item)

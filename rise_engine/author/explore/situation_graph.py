@@ -1,4 +1,4 @@
-"""The graph of explored situations, prepared for queries: what leads where, and the shortest paths."""
+"""The graph of explored situations, prepared for queries: successors, predecessors and shortest paths."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Path(Struct, frozen=True):
     """A way for a session to reach a situation."""
 
     begun: SessionStarted
-    """The session that it begins with, whose condition decides the memory."""
+    """The session with which it begins, whose condition determines the memory."""
     beginning: Situation
     steps: tuple[PathStep, ...]
 
@@ -40,12 +40,12 @@ class Path(Struct, frozen=True):
 
 
 class Paths:
-    """The shortest path to each situation with the fewest mishaps."""
+    """The shortest paths with the fewest mishaps to all situations."""
 
     def __init__(self, space: Space) -> None:
         self._space = space
         self._came_from: dict[Number, tuple[Number, int]] = {}
-        """For each situation, the one before it and the number of the move between them."""
+        """For each situation, its predecessor and the number of the move between them."""
         self.mishaps: dict[Number, int] = dict.fromkeys(space.beginnings, 0)
         """The minimum number of mishaps on the way to each situation."""
         wrongs = [move.is_mishap for move in space.moves]
@@ -80,7 +80,7 @@ class Paths:
         return Path(space.begun_in(at), space.situations[at], tuple(steps))
 
     def to_fact(self, fact: Fact) -> Path | None:
-        """Return the path to a fact's first observation, with the move that showed it; None: it was not observed."""
+        """Return the path to a fact's first observation, with its move; None: it was not observed."""
         found = self._space.facts.get(fact)
         if found is None:
             return None
@@ -96,11 +96,11 @@ class Paths:
 # --- findings ---------------------------------------------------------------------------------------------------------
 
 FindingLevel: TypeAlias = Literal["problem", "warning", "remark"]
-"""problem: a session can go wrong; warning: look at it; remark: good to know."""
+"""problem: a session can go wrong; warning: check it; remark: good to know."""
 
 
 _NAMED = 4
-"""Maximum number of states that a sentence names."""
+"""Maximum number of states in a sentence."""
 
 
 class ExploreFinding(Struct, frozen=True, kw_only=True):
@@ -111,24 +111,24 @@ class ExploreFinding(Struct, frozen=True, kw_only=True):
     level: FindingLevel
     text: str
     location: SourceLocation | None = None
-    """The place in the study's files that it is about."""
+    """Its place in the study's files."""
     rule: str = ""
     state: str = ""
     act: str = ""
     key: str = ""
     path: Path | None = None
-    """How a session gets there, the shortest path; None: no single path shows it."""
+    """The shortest path to it; None: no single path shows it."""
 
 
 def some_states(states: Iterable[str]) -> str:
-    """Name the first few of these states, and how many more there are."""
+    """Return the first few of these states, and the number of the others."""
     names = list(states)
     more = len(names) - _NAMED
     return " or ".join(names) if more <= 0 else f"{', '.join(names[:_NAMED])} or {more} other states"
 
 
 class Explored:
-    """An explored space, with what its queries share."""
+    """An explored space with shared results of queries."""
 
     def __init__(self, space: Space) -> None:
         self.space = space
@@ -147,7 +147,7 @@ class Explored:
 
     @cached_property
     def unknown(self) -> set[Number]:
-        """The situations with unexplored successors, apart from more kept events: those could come later as well."""
+        """The situations with unexplored successors, except for more kept events, which could also come later."""
         return {number for number, why in self.space.beyond.items() if why - {"kept"}} | set(self.space.pending)
 
     @cached_property
@@ -161,7 +161,7 @@ class Explored:
         return bool(self.unknown)
 
     def stuck(self, rule: str) -> list[Number]:
-        """Return the situations in which a rule runs that nothing planned can move any more."""
+        """Return the situations in which the rule runs and no planned move can still change it."""
         if rule not in self._stuck:
             running = [number for number in range(len(self.situations)) if self.state_of(rule, number) is not None]
             able = self.with_moved(self.bits[rule])

@@ -1,4 +1,4 @@
-"""All situations that a scenario can reach, breadth first."""
+"""All situations that a scenario can reach, explored breadth first."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Number: TypeAlias = int
 GROWTHS = 3
 """How often a situation's times grow before growing bounds become as large as possible."""
 MOST_KEPT = 20
-"""Number of steps kept for each act that would have waited once more."""
+"""Maximum number of recorded steps for each act that would have waited once more."""
 MAX_GROWTHS = 20
 """How often they grow before they become all possible times."""
 
@@ -68,7 +68,7 @@ class Space:
         return self._begun[beginning]
 
     def explore(self, go_on: Callable[[], bool] = lambda: True) -> None:
-        """Explore all situations. `go_on` is called before each; if it returns false, the results so far remain."""
+        """Explore all situations. `go_on` is called before each; if it returns False, the results so far remain."""
         most = self.stepper.bounds.situations
         while self.pending:
             if len(self.situations) > most or not go_on():
@@ -123,7 +123,7 @@ class Space:
         self.edges[number] = edges
 
     def _note(self, where: dict[Number, frozenset[str]], number: Number, what: str) -> None:
-        """Add to a set; hundreds of thousands of situations share these few sets."""
+        """Add to a set. Hundreds of thousands of situations share these few sets."""
         before = where.get(number, _NOTHING)
         if what not in before:
             together = before | {what}
@@ -145,7 +145,7 @@ class Space:
         return False
 
     def _number(self, situation: Situation, zone: Zone) -> Number:
-        """Return the number of a situation, and add these times to it."""
+        """Return the number of a situation, after adding these times to it."""
         number = self.numbers.get(situation)
         if number is None:
             number = self.numbers[situation] = len(self.situations)

@@ -1,4 +1,4 @@
-"""One step of exploring: the kernel computes what can follow a situation."""
+"""One step of exploring: the kernel computes the possible successors of a situation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rise_engine.kernel.records import (
 from rise_engine.scenario.model import Scenario
 
 Fact: TypeAlias = tuple[Any, ...]
-"""Something observed: its kind (`Stepper`), and what it is about."""
+"""An observation: its kind (`Stepper`), and its subjects."""
 END_BIT = 0
 """In `FollowedMove.moved`: the study's end was reached."""
 
@@ -39,13 +39,13 @@ class FollowedMove(NamedTuple):
     moved: int
     """The rules that have taken a step, as bits; a rule's bit is its number in the scenario plus 1."""
     facts: tuple[Fact, ...]
-    """The facts first observed in it."""
+    """The facts that were first observed in it."""
     beyond: str
     """Why it is not followed: `line`, `beside`, `asked`, `kept`, `values` or `chance`; empty: it is."""
 
 
 class Stepper:
-    """Finder of what can follow a situation.
+    """Computes the possible successors of a situation.
 
     It reports these facts: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`, `("ended",
     rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text, rule)`, `("error",
@@ -88,7 +88,7 @@ class Stepper:
         } | {frozenset((name,)) for name, act in scenario.acts.items() if act.channels}
         self._told: set[Fact] = set()
         self.steps = 0
-        """How many inputs the kernel has handled."""
+        """The number of inputs that the kernel has handled."""
 
     def begin(self) -> list[Situation]:
         """Return the situations in which sessions begin."""
@@ -104,7 +104,7 @@ class Stepper:
         return found
 
     def follow(self, situation: Situation, zone: Zone) -> Iterator[FollowedMove]:
-        """Yield what can follow, with the facts first observed there. Steps that change nothing are left out."""
+        """Yield the possible moves with newly observed facts. Moves without effect are omitted."""
         kernel = self.kernel
         handle = kernel.kernel.handle
         decisions = kernel.decisions
@@ -117,7 +117,7 @@ class Stepper:
                 and len(situation.waiting) >= self.bounds.line
                 and situation.stop == "released"
             ):
-                yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
+                yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # the same act would also wait
                 continue
             when = zone
             if timed and possibility.move.kind == "timer" and _comes_second(situation, zone, possibility.move.place):
@@ -245,7 +245,7 @@ class Stepper:
         return let_pass(carry(when, clocks), self.moves.limits(situation))
 
     def _facts(self, records: list[AnyRecord]) -> tuple[int, list[Fact]]:
-        """Return which rules have moved, and the facts."""
+        """Return the rules that moved, and the facts."""
         moved = 0
         facts: list[Fact] = []
         for record in records:
@@ -299,14 +299,14 @@ class Stepper:
         return moved
 
     def _note_out_of_step(self, rule: str, record: RuleRecord, act: str, facts: list[Fact]) -> None:
-        """Note if a rule has gone on at the end of an act while an earlier request for the same act is still to end."""
+        """Note if a rule has reacted to the end of an act while an earlier request for the same act has not ended."""
         scheduler, last = self.kernel.kernel.scheduler, self.kernel.last_task
         going = [run.task for run in scheduler.runner.runs.values() if run.cancel_reason is None]
         if any(task.behavior == act and task.id <= last for task in (*scheduler.waiting, *going)):
             facts.append(("out of step", rule, record.previous, act))
 
     def _compare_failure(self, before: Situation, step: FollowedMove, succeeded: dict[int, Situation]) -> FollowedMove:
-        """Compare whether it matters that this act, which a rule has started, succeeds or fails."""
+        """Check whether success and failure of this act have different effects, if a rule has started it."""
         index, how = step.move.place, step.move.how
         act = before.running[index]
         if act.source == PERSON:
@@ -342,12 +342,12 @@ def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
 
 
 def asks_again(situation: Situation) -> bool:
-    """Return whether the last waiting act was requested by a rule whose previous act of this name has not ended."""
+    """Return whether a rule requested the last waiting act while its previous act of this name has not ended."""
     last = situation.waiting[-1]
     others = (*situation.waiting[:-1], *(act for act in situation.running if not _has_stopped(act)))
     return last.source != PERSON and any(act.name == last.name and act.source == last.source for act in others)
 
 
 def _has_stopped(act: ActTask) -> bool:
-    """Return whether it is over except for the robot's confirmation."""
+    """Return whether it has ended except for the robot's confirmation."""
     return act.phase not in ("running", "doomed")

@@ -1,4 +1,4 @@
-"""Findings about what is never used, what has no effect, and what is read although nothing has set it."""
+"""Findings about unused parts, keys without effect, and reads of values that are never set."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _transition_text(transition: Transition) -> str:
 
 
 def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
-    """Compute for each state of the main rule whether each key does something there: always, sometimes or never."""
+    """Compute for each state of the main rule whether each key has an effect: always, sometimes or never."""
     keys = [name for name, key in explored.space.stepper.moves.keys.items() if _is_followed(key.function)]
     counts: Counter[str] = Counter()
     effective: Counter[tuple[str, str]] = Counter()
@@ -127,7 +127,7 @@ def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
 
 
 def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
-    """Find keys that never do anything."""
+    """Find keys that never have an effect."""
     keys = next(iter(by_state.values()), {})
     matter = {key.partition(".")[0] for key in explored.space.stepper.kernel.keys}
     spoken = {key.partition(".")[0] for act in explored.scenario.acts.values() for key in keys_read(act)}
@@ -139,7 +139,7 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
                 if sets & spoken or not sets & matter:
                     continue  # an act says it, or nothing reads it: it is a note for the record
             if key.function == "raiseEventTopic" and normal_topic(key.behavior) not in explored.scenario.topics:
-                continue  # `check` reports that no rule waits for it; it is in the record
+                continue  # reported by `check`; the event is in the record
             title = f" ({key.title})" if key.title else ""
             yield ExploreFinding(
                 kind="idle-key",
@@ -151,7 +151,7 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
 
 
 def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find events of keys, and the cue, that are lost when they come early: just before a rule waits for them."""
+    """Find events of keys, and the cue, that are lost if they come too early: just before a rule waits for them."""
     for name, key in explored.space.stepper.moves.keys.items():
         if key.function == "raiseEventTopic" and key.keep is None:
             title = f" ({key.title})" if key.title else ""
@@ -242,7 +242,7 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find acts that need a part of a value that the session never has; a computed index stands for any entry."""
+    """Find acts that need a part of a value that the session never has; a computed index matches any entry."""
     scenario = explored.scenario
     changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
     told: set[tuple[str, str]] = set()
@@ -263,7 +263,7 @@ def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _place_of(rule: Rule, text: str) -> SourceLocation:
-    """Return the place of a condition, or else of the rule."""
+    """Return the place of a condition; otherwise that of the rule."""
     for state in rule.states.values():
         for transition in state.transitions:
             if any(each is not None and each.text == text for each in (transition.condition, transition.held)):

@@ -1,9 +1,9 @@
 """Time: the possible readings of several clocks at once, as difference bound matrices.
 
-Each act or timer that is under way has a clock that began with it. For each pair of clocks, a zone limits how far one
-can be ahead of the other. Clock 0 always shows 0, so that row and column 0 are the bounds of a single clock. All values
-are whole milliseconds. Zones are kept closed: no bound could be lower without losing a possible time. Source: D. Dill,
-Timing assumptions and verification of finite-state concurrent systems, 1989. UPPAAL does the same.
+Each running act or timer has a clock that began with it. For each pair of clocks, a zone limits how far one can be
+ahead of the other. Clock 0 always shows 0, so row and column 0 are the bounds of single clocks. All values are whole
+milliseconds. Zones are closed: no bound could be lower without losing a possible time. Source: D. Dill, Timing
+assumptions and verification of finite-state concurrent systems, 1989. UPPAAL does the same.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ def narrow(zone: Zone, clock: int, least: int, most: int) -> Zone | None:
 
 
 def carry(zone: Zone, clocks: Sequence[int | None]) -> Zone:
-    """Return the zone of other clocks: each is the old clock of this number, or a new one, which begins at 0."""
+    """Return the zone of other clocks: each is the old clock of this number, or a new one that begins at 0."""
     sources = [0, *[0 if clock is None else clock for clock in clocks]]
     rows = [zone[i] for i in sources]
     return tuple([tuple([row[j] for j in sources]) for row in rows])
 
 
 def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
-    """Let time pass as long as no clock shows more than its limit."""
+    """Let time pass until a clock reaches its limit."""
     from_zero = zone[0]
     passed = [from_zero]
     for row in zone[1:]:

@@ -1,4 +1,4 @@
-"""Completion: what an author can write at a place of a study's file, whatever is wrong with the rest of the file."""
+"""Completion: proposals for a place of a study's file, even if the rest of the file has errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TOML_TEXT = re.compile(r"""([\w-]+)\s*=\s*\[?\s*(?:["'][^"']*["']\s*,\s*)*["'](
 _TOML_RULE = re.compile(r"""\brule\s*=\s*["']([^"']*)["']""")
 _TOML_HEADER = re.compile(r"""^[ \t]*\[+[ \t]*([^\]\r\n#]*?)[ \t]*\]""", re.MULTILINE)
 _TOML_KEY = re.compile(r"(?:^|[{,])[ \t]*([\w-]*)\Z")
-"""A key in progress, on a line of its own or in braces."""
+"""An unfinished key, on its own line or in braces."""
 _TOML_CONDITION = re.compile(r"""=\s*(["'])((?:(?!\1)[^\\]|\\.)*)\Z""")
 _IN_TRIES = re.compile(r"\btries\s*=\s*\{(?:[^{}]*,)?[^{},=]*\Z")
 _ASKED_NAME = re.compile(r"""\b(in|rule|runs|waits)\s*\(\s*\\?["'](?:([^"'\\]*)\\?["']\s*,\s*\\?["'])?([^"'\\]*)\Z""")
@@ -34,7 +34,7 @@ _WORD = re.compile(r"[\w.]*\Z")
 
 
 class Proposal(Struct, frozen=True):
-    """A text that can be completed."""
+    """A proposed text."""
 
     text: str
     kind: str
@@ -49,7 +49,7 @@ class _OpenElement(Struct, frozen=True):
 
 
 def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[int, list[Proposal]]:
-    """Return where the text to replace before `offset` starts, and the proposals for it."""
+    """Return the start of the text to replace before `offset`, and the proposals for it."""
     if name.lower().endswith(".toml"):
         start, found = _in_toml(checked, text[:offset])
     elif name.lower().endswith(".xml"):
@@ -61,7 +61,7 @@ def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[i
 
 
 def _is_being_written(checked: LoadResult, proposal: Proposal, place: SourceLocation) -> bool:
-    """Return whether a memory key or an event is known only from the place where it is being typed."""
+    """Return whether a memory key or an event is only known from the place where it is being typed."""
     if proposal.kind not in ("key", "event"):
         return False
     name = proposal.text.removeprefix("/")
@@ -230,7 +230,7 @@ class _XmlPlace:
     def enclosing(self, tag: str) -> str:
         """Return the name of the enclosing act or rule."""
         around = next((each for each in reversed(self.elements) if each.tag == tag), None)
-        if around is None:  # its start tag is still being written
+        if around is None:  # its start tag is unfinished
             around = _OpenElement(tag, self.before[self.before.rfind("<") :], 0)
         name = _NAME.search(around.attributes)
         return name.group(1).strip() if name else ""

@@ -1,4 +1,4 @@
-"""The notes that an editor shows about the thing under the mouse or the cursor."""
+"""The notes that an editor shows about the text under the mouse or the cursor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _HEADER = re.compile(r"^[ \t]*\[[ \t]*([\w-]+)([^\]\n]*)\]", re.MULTILINE)
 
 
 def table_at(before: str) -> tuple[str, str]:
-    """Return the table in which a text ends, and the rest of its header: `.a` of `[eventually.a]`.
+    """Return the table at the end of a text, and the rest of its header: `.a` of `[eventually.a]`.
 
     >>> table_at('[explore]\\nfaults = 1\\n[eventually."it ends"]\\nthen')
     ('eventually', '."it ends"')
@@ -35,7 +35,7 @@ def table_at(before: str) -> tuple[str, str]:
 
 
 def opened_text(line: str) -> int | None:
-    """Return where the text begins that is still open at the end of a line; None: there is none.
+    """Return the start of the text that is still open at the end of a line; None: there is none.
 
     >>> opened_text("a = \\"runs('R_"), opened_text("a = 'b' # \\"")
     (4, None)
@@ -95,7 +95,7 @@ def explore_notes(text: str, offset: int) -> Iterator[str]:
 
 
 def _reading(written: str) -> Iterator[str]:
-    """Yield how the program reads a property's condition."""
+    """Yield the program's reading of a property's condition."""
     try:
         yield f"read as `{Expression.parse_property(written).with_all_brackets}`"
     except ExpressionError:
@@ -149,7 +149,7 @@ def _of_use(study: ServedStudy, use: Use) -> str:
 
 
 def _of_condition(written: str) -> str:
-    """Return how the program reads a rule's condition."""
+    """Return the program's reading of a rule's condition."""
     text = re.sub(r"&\w+;", lambda found: _ENTITIES.get(found.group(), found.group()), written)
     try:
         return f"read as `{Expression.parse(text).with_all_brackets}`"

@@ -1,6 +1,6 @@
-"""A study with files open in an editor, checked with their unsaved content; and positions as the protocol has them.
+"""A study with open files in an editor, checked with their unsaved content, and positions in the protocol's form.
 
-Lines end with LF, CRLF or CR alone. Columns count units of the encoding that client and server agree on. Source:
+Lines end with LF, CRLF or CR alone. Columns count units of the encoding that client and server have negotiated. Source:
 https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#position
 """
 
@@ -47,7 +47,7 @@ _WIDE: dict[PositionEncoding, re.Pattern[str]] = {
     "utf-16": re.compile("[\U00010000-\U0010ffff]"),
     "utf-32": re.compile("(?!)"),
 }
-"""Characters of more than one unit. Lone surrogates, which no encoding has, count as `?`."""
+"""Characters of more than one unit. Lone surrogates, which no encoding allows, count as `?`."""
 _UNIT_BYTES: dict[PositionEncoding, int] = {"utf-8": 1, "utf-16": 2, "utf-32": 4}
 
 
@@ -71,7 +71,7 @@ class TextPositions:
             0,
             *accumulate(len(found[0].encode(_CODECS[encoding])) // _UNIT_BYTES[encoding] - 1 for found in wide),
         ]
-        """The additional units of the first 0, 1, 2, ... of them."""
+        """The additional units of the first 0, 1, 2, ... of these characters."""
         self._codec = _CODECS[encoding]
         self._unit = _UNIT_BYTES[encoding]
 
@@ -107,7 +107,7 @@ _FOLDERS_OF_PARTS = (*_FOLDERS, "tables", "patterns", "robots", "texts")
 
 
 def study_folder(file: Path) -> Path | None:
-    """Return the folder of the study that a file belongs to; None: it is not one of a study's files.
+    """Return the folder of a file's study; None: the file belongs to no study.
 
     >>> study_folder(Path("scenarios/greeting/acts/greeting.xml")).name
     'greeting'
@@ -132,7 +132,7 @@ class ServedStudy:
         self._state: StudyState | None = None
 
     def name_of(self, path: Path) -> str:
-        """Return a file's name as diagnostics give it."""
+        """Return a file's name in the form of diagnostics."""
         return path.relative_to(self.folder).as_posix() if path.is_relative_to(self.folder) else str(path)
 
     def hold(self, path: Path, text: str) -> None:
@@ -157,7 +157,7 @@ class ServedStudy:
         return self._checked
 
     def source(self, name: str) -> SourceFile | None:
-        """Return a file in its present state; None: it cannot be read."""
+        """Return a file in its present state; None: it is unreadable."""
         data = self.held.get(name)
         if data is None:
             try:
@@ -208,7 +208,7 @@ class ServedStudy:
     def remedies(self, finding: Diagnostic, *, with_new_files: bool) -> list[tuple[Remedy, Plan]]:
         """Return the remedies for a diagnostic, with their plans.
 
-        :param with_new_files: whether files may be made; if not, new parts go into existing files.
+        :param with_new_files: whether files may be created; if not, new parts go into existing files.
         """
         try:
             found = [(each, plan(each.edit, self.state)) for each in remedies(finding, self.state)]
@@ -249,13 +249,13 @@ __all__ = ["PositionEncoding", "ServedStudy", "place_of", "study_folder"]
 class OpenFilesProtocol(LanguageServerProtocol):
     """The protocol, for editors that send messages in the wrong order: the newest version of a file counts.
 
-    Helix 25.01 sends quick changes in the wrong order. For a file that a quick fix has made, it sends first the
-    content, and then that the file is open and empty. Each change has the whole text (`TextDocumentSyncKind.Full`), so
-    that a late one can be ignored.
+    Helix 25.01 sends quick changes in the wrong order. For a file that a quick fix has created, it sends the content
+    before it opens the file as empty. Each change has the whole text (`TextDocumentSyncKind.Full`), so a late one can
+    be ignored.
     """
 
     def structure_message(self, data: dict[str, Any]) -> Any:
-        """Parse a message like pygls, but also answer a request that cannot be read."""
+        """Parse a message like pygls, but also answer an unreadable request."""
         try:
             return super().structure_message(data)
         except JsonRpcException as error:
@@ -298,7 +298,7 @@ _ENCODINGS: dict[str, PositionEncoding] = {
 
 @lru_cache(maxsize=32)
 def _positions(text: str, encoding: PositionEncoding) -> TextPositions:
-    """Cache a text's positions, since an answer needs hundreds of them."""
+    """Cache a text's positions, because an answer needs hundreds of them."""
     return TextPositions(text, encoding)
 
 
@@ -315,7 +315,7 @@ class StudyServer(LanguageServer):
     # --- studies and places -------------------------------------------------------------------------------------------
 
     def study_of(self, uri: str) -> tuple[ServedStudy, str] | None:
-        """Return a file's study, and its name in it; None: it is not one of a study's files."""
+        """Return a file's study, and its name in it; None: the file belongs to no study."""
         written = uris.to_fs_path(uri)
         if written is None:
             return None
@@ -345,7 +345,7 @@ class StudyServer(LanguageServer):
         return uris.from_fs_path(str(study.folder / name)) or ""
 
     def at(self, params: Any) -> tuple[ServedStudy, str, SourceFile, int] | None:
-        """Return the study, the file, and the offset that a request is about."""
+        """Return the study, the file and the offset of a request."""
         found = self.study_of(params.text_document.uri)
         source = found[0].source(found[1]) if found is not None else None
         if found is None or source is None:
@@ -361,7 +361,7 @@ class StudyServer(LanguageServer):
     # --- findings -----------------------------------------------------------------------------------------------------
 
     def tell(self, study: ServedStudy) -> None:
-        """Send the diagnostics of a study, with an empty list for each file that has none any more."""
+        """Send the diagnostics of a study, with an empty list for each file that no longer has any."""
         by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
         for found in study.checked.diagnostics:
             by_file.setdefault(found.location.file, []).append(found)

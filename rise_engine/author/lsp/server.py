@@ -118,7 +118,7 @@ def _answer_about_names(server: StudyServer) -> None:
 
     @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
     def prepare_rename(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
-        """Return a name's range: names contain blanks, where editors would end them."""
+        """Return a name's range. Names may contain blanks, at which editors would end them."""
         found = server.use_at(params)
         place = server.place_of_use(*found) if found is not None else None
         if found is None or place is None:
@@ -136,7 +136,7 @@ def _answer_about_names(server: StudyServer) -> None:
             changed = workspace_edit(server, study, study.rename(use, params.new_name))
         except EditRefused as refused:
             raise _refusal(str(refused)) from None
-        assert changed is not None  # a rename makes no files
+        assert changed is not None  # a rename creates no files
         return changed
 
 
@@ -153,7 +153,7 @@ def _answer_about_files(server: StudyServer) -> None:
         lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
     )
     def offer_remedies(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-        """Offer remedies for all diagnostics that touch the place, whether or not the editor names them."""
+        """Offer remedies for all diagnostics that touch the place, whether or not the editor lists them."""
         wanted, found = params.context.only, server.study_of(params.text_document.uri)
         is_wanted = wanted is None or any(_QUICK_FIX.startswith(str(getattr(each, "value", each))) for each in wanted)
         source = found[0].source(found[1]) if found is not None else None
@@ -193,12 +193,12 @@ _BEGINNING = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
 
 
 def workspace_edit(server: StudyServer, study: ServedStudy, plan: Plan) -> lsp.WorkspaceEdit | None:
-    """Return what a plan changes; None: it makes or deletes files, which the editor does not support."""
+    """Return the changes of a plan; None: it creates or deletes files, which the editor does not support."""
     changes: dict[str, list[lsp.TextEdit]] = {}
     steps: list[lsp.CreateFile | lsp.DeleteFile] = []
     for splice in plan.splices:
         source = study.source(splice.file)
-        assert source is not None  # it was read to plan this
+        assert source is not None  # it was read for this plan
         edit = lsp.TextEdit(server.range_of(source, splice.start, splice.end), splice.text)
         changes.setdefault(server.uri(study, splice.file), []).append(edit)
     for name, content in plan.written.items():
@@ -282,7 +282,7 @@ class _FileSymbols:
 
 
 def _spans(study: ServedStudy, name: str) -> dict[tuple[str, str], tuple[int, int]]:
-    """Return where acts, rules and states are in a file, so that an editor finds the one at the cursor."""
+    """Return the ranges of acts, rules and states in a file, so that an editor finds the one at the cursor."""
     try:
         outline = study.state.outline
     except EditRefused:  # the folder cannot be read

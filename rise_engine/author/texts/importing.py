@@ -1,7 +1,7 @@
 """Import of a table of texts: its changes become edits, one for each text (docs/reference/languages.md).
 
-It compares a row with the state at the export (`of`, `check`) and with the study's present state. It takes what only
-the table has changed, leaves what only the study has changed, and refuses each row that both have changed.
+It compares each row with the state at the export (`of`, `check`) and with the study's present state. It takes changes
+of the table, keeps changes of the study, and refuses rows that both have changed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class RefusedRow(Struct, frozen=True):
 
     line: int
     what: str
-    """The text, or what is in its place."""
+    """The text, or the content in its place."""
     why: str
 
     def __str__(self) -> str:
@@ -47,7 +47,7 @@ class TextImport(Struct, frozen=True):
     refused: tuple[RefusedRow, ...]
     noticed: tuple[str, ...] = ()
     rows: int = 0
-    """How many rows were compared."""
+    """The number of compared rows."""
 
 
 def import_table(
@@ -57,7 +57,7 @@ def import_table(
 
     :param table: the file's content.
     :param loaded: the scenario, loaded in no language.
-    :param languages: whose columns are read, in addition to the languages that the study has translations into.
+    :param languages: further languages to read, in addition to those of the study's translations.
     :param new: whether rows without an id become acts.
     :raises ExchangeError: the table does not have the necessary columns.
     """
@@ -86,7 +86,7 @@ class _Importer:
         for row in self.table.rows:
             id = id_of_cell(row.values.get("id", ""), self.texts.keys())
             if not id and not any(row.values.get(column, "").strip() for column in ("act", "text", *self.languages)):
-                continue  # without a text: somebody's notes below the table
+                continue  # without a text: a person's notes below the table
             if not id:
                 self._read_new(row)
             elif id in self.seen:
@@ -169,7 +169,7 @@ class _Importer:
                     self._change_translation(row, text, template, column, language, check.get(language))
 
     def _is_other(self, row: ReadRow, text: SpokenText | TableText, column: str) -> bool:
-        """Return whether a row has another translation than the study."""
+        """Return whether a row's translation differs from the study's."""
         given = _normal(row.values[column])
         return bool(given) and given != self._translation(text, self.languages[column])
 
@@ -265,7 +265,7 @@ class _Importer:
 
 
 def _read_template(text: str) -> tuple[Template | None, str]:
-    """Parse a text with memory values; return None and the problem if it is invalid."""
+    """Parse a text with memory values; for an invalid one, return None and the problem."""
     try:
         template = parse_template(text)
     except TemplateError as error:
@@ -275,12 +275,12 @@ def _read_template(text: str) -> tuple[Template | None, str]:
 
 
 def _normal(cell: str) -> str:
-    """Normalize a cell like a text: on one line."""
+    """Normalise a cell like a text: on one line."""
     return " ".join(cell.split())
 
 
 def _checks(cell: str) -> dict[str, str]:
-    """Return the check sums of the translations that the table was made with, by language."""
+    """Return the checksums of the translations at the export, by language."""
     return {tag: value for tag, _, value in (each.rpartition(":") for each in cell.split()) if tag}
 
 

@@ -42,24 +42,24 @@ class TextRow(Struct, frozen=True):
     number: str
     """The action and the wording, `2 (1)`, so that no spreadsheet takes it for a date."""
     when: str
-    """`at once`, or what it waits for: `after 3, 4`."""
+    """`at once`, or the awaited actions: `after 3, 4`."""
     beside: str
-    """What the robot does at the same time: `Animation: enthusiastic`."""
+    """The robot's simultaneous actions: `Animation: enthusiastic`."""
     text: str
     translations: dict[str, str]
-    """By language; empty if there is none."""
+    """By language; empty: there is none."""
     note: str
-    """For translators: which translation belongs to an earlier text."""
+    """A note for translators: the translations of an earlier text."""
     seconds: float | None
-    """Estimated seconds of saying it; None: it is in a table."""
+    """Estimated seconds of speaking it; None: it is in a table."""
     place: str
     """`acts/feedback.xml:8`."""
     stale: frozenset[str] = frozenset()
-    """Languages whose translation belongs to an earlier text."""
+    """Languages with a translation of an earlier text."""
 
     @property
     def check(self) -> str:
-        """Check sums that show an import whether a translation has changed since: `de:3f2a9c01 fr:-`."""
+        """Checksums that show an import whether a translation has changed since: `de:3f2a9c01 fr:-`."""
         return " ".join(f"{language}:{text_check(text)}" for language, text in self.translations.items())
 
     def cells(self) -> list[str]:
@@ -71,7 +71,7 @@ class TextRow(Struct, frozen=True):
 
 
 class TextTable(Struct, frozen=True):
-    """All texts, or those that lack something."""
+    """All texts, or those with missing parts."""
 
     languages: tuple[str, ...]
     """The languages of the translations."""
@@ -110,7 +110,7 @@ def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | N
 
 
 def text_check(text: str) -> str:
-    """Return a short check sum of a text, which shows a change."""
+    """Return a short checksum of a text, which detects changes."""
     return f"{crc32(text.encode('utf-8', 'surrogatepass')):08x}" if text else NOTHING
 
 
@@ -147,7 +147,7 @@ def _make_table_row(text: TableText, languages: Sequence[str]) -> TextRow:
 
 
 def _beside(act: Act, action: Action) -> str:
-    """Describe in a word or two each what begins at the same time as an action."""
+    """Describe in a word or two each action that begins at the same time."""
     said = []
     for other in act.actions:
         if other.id == action.id or set(other.wait_for) != set(action.wait_for):
@@ -168,12 +168,12 @@ def _seconds(text: SpokenText, scenario: Scenario) -> float:
 
 
 def _id_cell(id: str) -> str:
-    """Write an id as a cell; one that could look like a date or a formula gets the word `act` before it."""
+    """Write an id as a cell, with the word `act` before it if it could look like a date or a formula."""
     return id if id[:1].isalpha() else f"act {id}"
 
 
 def id_of_cell(cell: str, known: Collection[str]) -> str:
-    """Return the id that a cell names."""
+    """Return the id in a cell."""
     cell = cell.strip()
     return cell.removeprefix("act ") if cell not in known else cell
 
@@ -186,7 +186,7 @@ class ReadRow(Struct, frozen=True):
     values: dict[str, str]
     """By column."""
     confirmed: frozenset[str] = frozenset()
-    """Languages in which somebody has confirmed the translation (gettext: it is not fuzzy)."""
+    """Languages with a confirmed translation (gettext: not fuzzy)."""
 
 
 class ReadTable(Struct, frozen=True):
@@ -205,7 +205,7 @@ _LARGEST_CELL = 1_000_000
 def write_csv(table: TextTable, separator: str = "") -> bytes:
     """Write the table as a file.
 
-    :param separator: between cells; empty: the one that a spreadsheet expects here (`usual_separator`).
+    :param separator: between cells; empty: the usual one of the locale (`usual_separator`).
     """
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, delimiter=separator or usual_separator(), lineterminator="\r\n")
@@ -215,7 +215,7 @@ def write_csv(table: TextTable, separator: str = "") -> bytes:
 
 
 def usual_separator() -> str:
-    """Return `;` where the locale writes a decimal comma, as spreadsheets do; otherwise `,`."""
+    """Return `;` if the locale writes a decimal comma, as spreadsheets do; otherwise `,`."""
     before = locale.setlocale(locale.LC_NUMERIC)
     try:
         with suppress(locale.Error):
@@ -326,7 +326,7 @@ def read_xlsx(data: bytes) -> ReadTable:
 
 
 def _cell_text(value: Any) -> str:
-    """Return the text of a cell. A number was a text before the spreadsheet converted it."""
+    """Return the text of a cell. Spreadsheets convert some texts to numbers."""
     if value is None:
         return ""
     if isinstance(value, float) and value.is_integer():
@@ -386,7 +386,7 @@ def read_po(data: bytes, language: str = "") -> ReadTable:
     """
     polib = _polib()
     try:
-        # With a line end more, because polib opens a text that is a path as that file.
+        # With another line end, because polib takes a text that is a path for that file.
         file = polib.pofile(data.decode("utf-8-sig") + "\n")
     except (OSError, ValueError, UnicodeDecodeError) as error:
         raise ExchangeError(f"this is no .po file: {error}") from None

@@ -45,13 +45,13 @@ class Expectation(Struct, frozen=True):
     says: tuple[str, ...] | None = None
     """The texts begun, exactly these, in this order."""
     events: tuple[str, ...] | None = None
-    """Topics raised, without slash; others may be raised too."""
+    """Raised topics, without slash; others are allowed."""
     refused: bool = False
-    """Whether the task should be refused."""
+    """Whether the task must be refused."""
 
 
 class StudyTestLine(Struct, frozen=True):
-    """One step of a line, or its expectation."""
+    """A step of a test, or its expectation."""
 
     line: int
     task: Submit | None = None
@@ -64,7 +64,7 @@ class StudyTestLine(Struct, frozen=True):
 
 
 class StudyTest(Struct, frozen=True):
-    """A test in its parsed form."""
+    """A parsed test."""
 
     file: str
     title: str
@@ -106,7 +106,7 @@ class _TestReader:
         self.problems: list[str] = []
         self.number = 0
         self.did_something = False
-        """Whether a line that does something, or tries to, has come."""
+        """Whether a line with a step was read."""
 
     def report(self, messages: Iterable[str], column: int | None = None) -> None:
         where = f"{self.file}:{self.number}" + ("" if column is None else f":{column}")

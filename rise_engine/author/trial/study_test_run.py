@@ -1,4 +1,4 @@
-"""Runs of a study's tests: a trial takes the steps of a test, and the results are compared with its expectations."""
+"""Runs a study's tests: a trial takes the steps, and the results are compared with the expectations."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def path_of_test(folder: Path, title: str) -> Path:
 def text_of_test(trial: Trial, title: str) -> str:
     """Write the trial as a test: its steps, and after each step its results (rules, memory, acts).
 
-    :param title: what is tested, in a few words.
+    :param title: the subject of the test, in a few words.
     """
     head: dict[str, Any] = {"test": title, "seed": trial.seed}
     if trial.condition:
@@ -70,7 +70,7 @@ def _task_line(task: Submit) -> dict[str, Any]:
 
 
 def _what_came(trial: Trial) -> dict[str, Any]:
-    """Return what the last step has changed, as an expectation."""
+    """Return the changes of the last step as an expectation."""
     records = trial.records_of(-1)
     if refusal(trial):
         return {"refused": True}
@@ -95,16 +95,16 @@ class StudyTestFailure(Struct, frozen=True):
     t: float
     """Session time of the check in seconds."""
     text: str
-    """What was expected, and what happened."""
+    """The expected and the actual result."""
 
 
 class StudyTestOutcome(Struct, frozen=True):
     test: StudyTest
     failures: tuple[StudyTestFailure, ...]
     steps: int
-    """How many lines have done something."""
+    """The number of steps."""
     seconds: float
-    """Session time that has passed."""
+    """The elapsed session time."""
 
     @property
     def passed(self) -> bool:
@@ -114,7 +114,7 @@ class StudyTestOutcome(Struct, frozen=True):
 def play_test(scenario: Scenario, test: StudyTest) -> StudyTestOutcome:
     """Run a test to its end, also after a difference.
 
-    :param scenario: the one that the test was read for.
+    :param scenario: the scenario for which the test was read.
     :param test: from `rise_engine.author.trial.study_test.read_study_test`.
     """
     trial = Trial(scenario, seed=test.seed, condition=test.condition, memory=test.memory)
@@ -201,7 +201,7 @@ def _differences(trial: Trial, expected: Expectation) -> Iterator[str]:
 
 
 def is_same_value(one: Any, other: Any) -> bool:
-    """Return whether two JSON values are the same: `1` and `1.0` are, `1` and `true` are not."""
+    """Return whether two JSON values are equal: `1` and `1.0` are, `1` and `true` are not."""
     if isinstance(one, bool) or isinstance(other, bool):
         return one is other
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
@@ -216,7 +216,7 @@ def _list_text(texts: tuple[str, ...] | list[str]) -> str:
 
 
 def started_acts(records: list[AnyRecord]) -> list[str]:
-    """List the acts that have begun to run, in this order."""
+    """List the started acts in order."""
     return [
         record.behavior
         for record in records
@@ -227,7 +227,7 @@ def started_acts(records: list[AnyRecord]) -> list[str]:
 
 
 def said_texts(records: list[AnyRecord]) -> list[str]:
-    """List the texts that the robot has begun to say, in this order."""
+    """List the texts that the robot has begun to say, in order."""
     return [
         words
         for record in records

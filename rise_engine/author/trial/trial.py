@@ -1,7 +1,7 @@
 """A trial run of a study on a virtual clock with the simulated robot, without record, journal and people.
 
-It uses the engine of a session, so that it shows what `rise-engine run --speed max` would record. A trial is the list
-of its steps: going one step back takes all steps but the last again.
+It uses the engine of a session, so it shows what `rise-engine run --speed max` would record. A trial is the list of its
+steps: going one step back repeats all steps but the last.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ SOURCE = "wizard:trial"
 LONGEST = 600.0
 """Maximum seconds until something waits for a person."""
 LIVELOCK = 20_000
-"""Inputs in one moment that mean an endless loop, which stops the clock."""
+"""Number of inputs in one moment that indicates an endless loop, which stops the clock."""
 PRESS_AFTER = 0.1
-"""Seconds from an event to a person's action: nobody presses a key at the same moment."""
+"""Seconds from an event to a person's action, because nobody presses a key at the same moment."""
 
 StepKind: TypeAlias = Literal["task", "go_on", "wait"]
 
@@ -42,14 +42,14 @@ class TrialStep(Struct, frozen=True):
 
     kind: StepKind
     at: float
-    """Session time of the task, or at the end of the time that passes."""
+    """Session time of the task, or at the end of the wait."""
     task: Submit | None = None
     key: str = ""
-    """The label of the study's key that was pressed for it; empty: there was none."""
+    """The label of the pressed key of the study; empty: none."""
     seconds: float = 0.0
     """The duration for `wait`."""
     first_record: int = 0
-    """The `seq` of its first record; its records end where the next step's begin."""
+    """The `seq` of its first record; its records end before those of the next step."""
 
 
 class Trial:
@@ -76,11 +76,11 @@ class Trial:
     ) -> None:
         """Begin at time 0, with nothing started.
 
-        :param scenario: checked; its robot and mode do not matter, and it connects to no robot.
+        :param scenario: a checked scenario; its robot and mode do not matter, and no robot is connected.
         :param seed: determines all random choices.
         :param condition: one of the scenario's conditions, whose memory values it begins with.
         :param memory: values that replace the start values, by key.
-        :param started: the beginning of the session instead, as for a session of a study.
+        :param started: the beginning of the session instead, as in a session of a study.
         :raises ValueError: there is no such condition.
         :raises RobotOptionsError: the robot's profile has options that the simulated driver does not understand.
         """
@@ -101,7 +101,7 @@ class Trial:
         scenario = self.scenario
         self.clock = VirtualClock()
         self.view = SessionView()
-        """The session as an outside observer sees it."""
+        """The session for an outside observer."""
         self.records: list[AnyRecord] = []
         robot = make_robot(scenario.robot, "debug", self.clock, self.seed)
         started = replace(self._started, memory={**self._started.memory, **self.start_memory})
@@ -111,7 +111,7 @@ class Trial:
         for sentence in start_remarks(scenario, started):
             self._engine.post(Note(text=sentence))
         self._handled_until = -1.0
-        """The last moment that a timer reached; a person's action comes after it."""
+        """The time of the last timer; a person's action comes after it."""
 
     # --- the state ------------------------------------------------------------------------------------------------
 
@@ -122,13 +122,13 @@ class Trial:
 
     @property
     def is_busy(self) -> bool:
-        """Whether the robot does something, or something waits for it."""
+        """Whether the robot is busy, or acts wait for it."""
         view = self.view
         return bool(view.running or view.waiting) or view.stop.status == "requested"
 
     @property
     def next_at(self) -> float | None:
-        """The time of the next event without a person; None: everything waits for somebody."""
+        """The time of the next event without a person; None: everything waits for a person."""
         return self.clock.next_at
 
     @property
@@ -151,7 +151,7 @@ class Trial:
         return self.submit(Submit(function=key.function, behavior=key.task_behavior, source=SOURCE), key.label, at)
 
     def start_rule(self, name: str, state: str | None = None, enter: bool = True) -> TrialStep:
-        """Start a rule, in its initial state or another; without `enter` it waits there and does not run onEntry."""
+        """Start a rule, in its initial state or another; with `enter` False, it waits there without running onEntry."""
         behavior = rule_start_behavior(name, state, enter)
         return self.submit(Submit(function="startInteractionRule", behavior=behavior, source=SOURCE))
 
@@ -160,7 +160,7 @@ class Trial:
         return self.submit(Submit(function="startCommunicationRobotAct", behavior=name, source=SOURCE))
 
     def raise_event(self, topic: str) -> TrialStep:
-        """Raise an event, with or without its slash."""
+        """Raise an event, with or without slash."""
         return self.submit(Submit(function="raiseEventTopic", behavior=f"/{normal_topic(topic)}", source=SOURCE))
 
     def set_value(self, assignment: str) -> TrialStep:
@@ -172,10 +172,10 @@ class Trial:
         return self.submit(Submit(function="markCue", source=SOURCE))
 
     def submit(self, task: Submit, key: str = "", at: float | None = None) -> TrialStep:
-        """Submit any request that a session accepts. What cannot be done is recorded as REJECTED.
+        """Submit any request that a session accepts. Impossible requests are recorded as REJECTED.
 
         :param task: the request; its time is set here.
-        :param key: the label of the study's key that it is for.
+        :param key: the label of the study's key.
         :param at: session time; None: a tenth of a second after the last event.
         """
         if at is None:
@@ -188,10 +188,10 @@ class Trial:
         return bool(self.steps) and self.steps[-1].kind == "task" and self.steps[-1].at == now
 
     def go_on(self) -> TrialStep | None:
-        """Let time pass until the robot is done; if it does nothing, until something happens.
+        """Let time pass until the robot is idle; if it already is, until the next event.
 
-        If it never rests, stop when everything that it does has begun for the second time, or after LONGEST seconds.
-        None: everything waits for somebody.
+        If it is never idle, stop when all its present acts have begun again, or after LONGEST seconds. Returns None if
+        everything waits for a person.
         """
         self.problem = ""
         if self.next_at is None:
@@ -211,7 +211,7 @@ class Trial:
         return True
 
     def restart(self) -> None:
-        """Go back to the start, without any steps."""
+        """Return to the start, without any steps."""
         self._replay([])
 
     # --- execution ------------------------------------------------------------------------------------------------
@@ -242,14 +242,14 @@ class Trial:
         return step
 
     def _does_only(self, acts: set[str]) -> bool:
-        """Return whether the robot does nothing, or nothing but these acts."""
+        """Return whether the robot is idle, or only performs these acts."""
         view = self.view
         return view.stop.status != "requested" and all(
             view.tasks[id].behavior in acts for id in (*view.running, *view.waiting)
         )
 
     def _advance_to(self, until: float) -> None:
-        """Let everything up to this moment happen, including what is due then."""
+        """Let all events up to this time happen, including those that are due then."""
         guard = _CircleGuard(self._engine)
         while (due := self.clock.next_at) is not None and due <= until:
             self.clock.advance()
@@ -260,7 +260,7 @@ class Trial:
         self.clock.pass_until(until)
 
     def _advance_until_quiet(self, seq: int) -> None:
-        """Advance until nothing runs, or only acts that have begun again, and something was recorded since `seq`."""
+        """Advance until nothing runs, or only acts that have begun again, and there is a record after `seq`."""
         deadline = self.now + LONGEST
         guard = _CircleGuard(self._engine)
         begun = {self.view.tasks[id].behavior for id in self.view.running}
@@ -283,7 +283,7 @@ class Trial:
 
 
 class _CircleGuard:
-    """Detector of endless loops: more inputs in one moment than anything else causes."""
+    """Detects endless loops: more inputs in one moment than anything else causes."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine

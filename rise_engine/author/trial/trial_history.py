@@ -1,4 +1,4 @@
-"""What happened in a trial and why, in lines made only from records."""
+"""The events of a trial and their causes, in lines made only from records."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ _WELL = ("succeeded", "accepted")
 
 
 class HappenedLine(Struct, frozen=True):
-    """One thing that happened, in a sentence without a full stop."""
+    """One line of the history: a sentence without a full stop."""
 
     t: float
     """Session time in seconds."""
     kind: HappenedKind
-    """`done`: somebody requested it. `problem`: the author will want to know about it."""
+    """`done`: a person requested it. `problem`: the author will want to know it."""
     text: str
     key: str = ""
-    """The label of the study's key that it began with; only in the first line of a step."""
+    """The label of the study's key that caused it; only in the first line of a step."""
     rule: str = ""
-    """The rule that it is about."""
+    """The affected rule."""
 
 
 def happened(trial: Trial, first: int = 0) -> list[HappenedLine]:
@@ -69,7 +69,7 @@ def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
 
 
 def lines_of(records: Iterable[AnyRecord]) -> Iterator[HappenedLine]:
-    """Yield a line for each record with something new; values that are set together share one."""
+    """Yield a line for each record with news; values that are set together share one."""
     waiting: list[MemoryRecord] = []
     for record in records:
         if waiting and not _goes_with(record, waiting[-1]):
@@ -133,7 +133,7 @@ def _line(record: AnyRecord) -> HappenedLine | None:
 
 
 def _rule_of(source: str) -> str:
-    """Return the rule of a source, if it is one."""
+    """Return the rule of a source; empty: it is not a rule."""
     return source.removeprefix("rule:") if source.startswith("rule:") else ""
 
 
@@ -177,6 +177,6 @@ def _action_line(record: ActionRecord) -> HappenedLine | None:
 
 
 def said_words(parameters: dict[str, Any]) -> str:
-    """Return what an action with these parameters says; empty: nothing."""
+    """Return the words of an action with these parameters; empty: none."""
     message = parameters.get("message")
     return plain_words(message).strip() if isinstance(message, str) else ""

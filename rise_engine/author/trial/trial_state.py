@@ -1,4 +1,4 @@
-"""The present state of a trial: its rules, what their transitions wait for, what the keys would do, and its memory."""
+"""The present state of a trial: its rules, their transitions, the effects of the keys, and its memory."""
 
 from __future__ import annotations
 
@@ -60,15 +60,15 @@ class WayOut(Struct, frozen=True):
     label: str
     """A short name: its event, its time or its condition."""
     waits_for: str
-    """In words."""
+    """The trigger in words."""
     now: str
-    """The progress: `2.1 of 6.7 s`, `4 s left`, `not now`; empty: there is nothing to say."""
+    """The progress: `2.1 of 6.7 s`, `4 s left`, `not now`; empty: none."""
     readings: tuple[ConditionReading, ...]
-    """`while` and `if`, in this order, as far as they exist."""
+    """`while` and `if`, in this order, if they exist."""
     keys: tuple[KeyBinding, ...]
-    """The study's keys that would make the rule take it now."""
+    """The study's keys with which the rule would take it now."""
     event: str = ""
-    """The topic, without slash, of an event that somebody can raise."""
+    """The topic, without slash, of an event that a person can raise."""
 
 
 class RuleStanding(Struct, frozen=True):
@@ -78,7 +78,7 @@ class RuleStanding(Struct, frozen=True):
     state: str
     previous: str | None
     trigger: str
-    """What led to the state."""
+    """The trigger that led to the state."""
     transition: int | None
     """The index of that transition among those of `previous`."""
     since: float
@@ -86,35 +86,35 @@ class RuleStanding(Struct, frozen=True):
 
 
 class RunningAct(Struct, frozen=True):
-    """What the robot does, or will do when it can."""
+    """An act that the robot performs or will perform."""
 
     act: str
     """`say` for free speech."""
     waits: bool
-    """Whether it still waits its turn."""
+    """Whether it still waits for its turn."""
     seconds: float
-    """For how long it has run."""
+    """Seconds for which it has run."""
     expected: float
-    """About how long it takes."""
+    """Expected seconds."""
     says: str
-    """The words that it is saying."""
+    """Its present words."""
 
 
 class KeyChoice(Struct, frozen=True):
-    """A key of the study, and what it would do now."""
+    """A key of the study with its present effect."""
 
     key: KeyBinding
     title: str
     does: str
     """`/next`, `rule Next`, `R_Yes`, `step = 2`."""
     now: str
-    """Who would take it, or why it would have no effect; empty: it has its usual effect."""
+    """The rule that would take it, or why it would have no effect; empty: its usual effect."""
     is_awaited: bool
     """Whether a running rule waits for it."""
 
 
 class MemoryLine(Struct, frozen=True):
-    """A memory key that matters in a rule's state."""
+    """A memory key that a rule's state uses."""
 
     key: str
     exists: bool
@@ -224,7 +224,7 @@ def _time_left(
 
 
 def running_acts(trial: Trial) -> list[RunningAct]:
-    """List what the robot does now, then what waits."""
+    """List the robot's running acts, then the waiting ones."""
     view, found = trial.view, []
     for id in (*view.running, *view.waiting):
         task = view.tasks[id]
@@ -279,7 +279,7 @@ def _choice(trial: Trial, keys: StudyKeys, key: KeyBinding, is_awaited: bool) ->
 
 
 def _taker_text(trial: Trial, topics: Iterable[str]) -> str:
-    """Say who would take one of these events now."""
+    """Return which rule would take one of these events now."""
     wanted = set(topics)
     for name in trial.view.running_rules():
         state = _state(trial.scenario, name, trial.view.rules[name].state)
@@ -295,7 +295,7 @@ def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:
 
 
 def events_to_raise(trial: Trial) -> list[str]:
-    """List the events, without slash, that running rules wait for now and that no key of the study raises."""
+    """List the events, without slash, that running rules wait for and that no key of the study raises."""
     keys = StudyKeys(trial.scenario)
     found = (way.event for rule in standing_rules(trial) for way in rule.ways if way.event)
     return [topic for topic in dict.fromkeys(found) if not keys.keys_raising(topic)]

@@ -114,7 +114,7 @@ def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) ->
 
 
 def _names(folders: Sequence[Path]) -> dict[str, str]:
-    """Choose everybody's name: the study's, or else W1, W2, ... in the order of appearance."""
+    """Choose the names of all people: the study's codes, or else W1, W2, ... in the order of appearance."""
     names: dict[str, str] = {}
     people: dict[str, None] = {}
     for folder in folders:

@@ -133,7 +133,7 @@ def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> 
 def _find_clock(
     path: Path, folder: Path, document: CodedDocument, moments: Sequence[str]
 ) -> tuple[CodedClock, ClockSource]:
-    """Find how the file's times relate to the session's. Raises SessionError."""
+    """Determine the clock of the file. Raises SessionError."""
     if moments:
         given = [parse_moment(each, read_marks(folder).marks) for each in moments]
         found = align_by_moments(given)
@@ -218,13 +218,13 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
 
 
 class MarksAndOutages(Struct):
-    """What the journal of a session says about its clock."""
+    """The clock-related contents of a session's journal."""
 
     marks: list[SessionMark]
     interruptions: list[float]
     """When the session continued after an interruption, in session seconds."""
     outages: list[Outage]
-    """The interruptions whose length is known."""
+    """The interruptions of known length."""
 
 
 def read_marks(folder: Path) -> MarksAndOutages:

@@ -42,7 +42,7 @@ from rise_engine.study.traces import WORK_FOLDER, is_withdrawn, owner_of, study_
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
-"""Formats that can also write one session to standard output, however long it is."""
+"""Formats that can also write one session to standard output."""
 
 
 class ExportRequest(Struct, frozen=True):
@@ -59,14 +59,14 @@ class ExportRequest(Struct, frozen=True):
     spreadsheet_safe: bool = False
     """Whether cells that a spreadsheet would run as a formula get an apostrophe."""
     wide: bool = False
-    """For tables: also one with a row for each participant."""
+    """For tables: also a table with a row for each participant."""
 
 
 class Selection(Struct):
     """The selected sessions."""
 
     folders: list[Path] = field(default_factory=list)
-    """In the order in which they began, study by study."""
+    """In the order of their starts, study by study."""
     standing: StudyStanding | None = None
     """The state of the study, if only a study was named."""
     several: bool = False
@@ -74,26 +74,26 @@ class Selection(Struct):
     left_out: list[LeftOut] = field(default_factory=list)
     """Sessions that are in no export."""
     uncounted: dict[Path, Counter[str]] = field(default_factory=dict)
-    """How many sessions of each study are left out because they are not data, by the reason in a word."""
+    """The number of sessions of each study that are omitted because they are not data, by the reason in a word."""
     notes: list[str] = field(default_factory=list)
-    """What to know of selected sessions, in sentences."""
+    """Remarks on selected sessions, in sentences."""
     problems: list[str] = field(default_factory=list)
-    """What is wrong in their studies, in sentences."""
+    """Problems of their studies, in sentences."""
 
     @property
     def remarks(self) -> list[str]:
-        """What is left out, in sentences."""
+        """Sentences on omitted sessions."""
         uncounted = [uncounted_text(counts, f" of {path}") for path, counts in self.uncounted.items()]
         return [*(str(each) for each in self.left_out if not each.unread), *uncounted]
 
     @property
     def unread(self) -> list[str]:
-        """What is left out because it cannot be read, in sentences."""
+        """Sentences on unreadable sessions, which are omitted."""
         return [str(each) for each in self.left_out if each.unread]
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
-    """Make the option `level`: how much others get."""
+    """Make the option `level`: the amount of data for others."""
     return click.option("--level", type=click.Choice(LEVELS), default=default, show_default=True, help=about)
 
 
@@ -168,7 +168,7 @@ def export(
 
 
 def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
-    """Select the sessions for the names of studies and sessions.
+    """Select the sessions of named studies, and named sessions.
 
     :param named: folders of studies (or their study.toml), and sessions as `find_session` accepts them.
     :param all: for studies, also the sessions that do not count or did not end.
@@ -195,7 +195,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
 
 def _refuse_withdrawn(selection: Selection, folder: Path) -> None:
-    """Refuse a session of a participant who has withdrawn, which a backup may have restored, or is being erased."""
+    """Refuse a session of a withdrawn participant, which a backup may have restored, or which is being erased."""
     if folder.resolve().parent.parent.name == WORK_FOLDER:
         raise ExportError(f"{folder.name} is not exported: its participant withdraws")
     study = study_of_session(folder)
@@ -235,13 +235,13 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
 
 
 def uncounted_text(left_out: Counter[str], of: str = "") -> str:
-    """Say how many sessions are left out because they are not data.
+    """Return how many sessions are omitted because they are not data.
 
     >>> uncounted_text(Counter(pilot=2))
     '2 sessions are not in the export (2 pilot): --all takes them in'
 
     :param left_out: their number by the reason in a word.
-    :param of: whose sessions they are, with a space before it.
+    :param of: the study, after a space and "of"; empty: none.
     """
     counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
     verb = "is" if left_out.total() == 1 else "are"
@@ -249,7 +249,7 @@ def uncounted_text(left_out: Counter[str], of: str = "") -> str:
 
 
 def _why_left_out(session: StudySession) -> str:
-    """Say in a word why a session is not data of the study; empty: it is."""
+    """Return in a word why a session is not data of the study; empty: it is."""
     entry = session.entry
     if entry.purpose != "counted":
         return entry.purpose
@@ -275,14 +275,14 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
 
 
 def _tell_problems(problems: Sequence[str], of_studies: Sequence[str]) -> int:
-    """Print what could not be read of sessions and of their studies; return the exit status."""
+    """Print what could not be read of sessions and studies; return the exit status."""
     print_notes(*(f"warning: {problem}" for problem in (*of_studies, *problems)))
     print_notes(*["Everything else was exported."] * bool(problems))
     return PARTIAL if problems or of_studies else OK
 
 
 def _export_records(selection: Selection, request: ExportRequest) -> int:
-    """Write the records of one session, one after the other, to a file or to standard output."""
+    """Write the records of one session to a file or to standard output."""
     folder = selection.folders[0]
     out, format = request.out, RECORD_FORMATS[RECORD_FORMATS.index(request.format)]
     wizards = wizard_names(study_of_session(folder))
@@ -300,7 +300,7 @@ def _export_records(selection: Selection, request: ExportRequest) -> int:
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """End the program by an exception on a signal, so that an interrupted write leaves nothing incomplete behind."""
+    """End the program by an exception on a signal, so that an interrupted write leaves nothing incomplete."""
 
     def end(number: int, frame: FrameType | None) -> None:
         sys.exit(INTERRUPTED)

@@ -45,7 +45,7 @@ from rise_engine.session.media import (
 from rise_engine.study.traces import registered_recordings
 
 LARGE = 2_000_000_000
-"""Size in bytes above which a message announces the reading of a file."""
+"""Size in bytes above which reading a file is announced."""
 
 
 @click.group("media")
@@ -54,7 +54,7 @@ def media() -> None:
 
 
 class _Addition(Struct, frozen=True):
-    """What is the same for all files that are added at once."""
+    """The settings of all files that are added at once."""
 
     folder: Path
     clock: MarksAndOutages
@@ -128,7 +128,7 @@ def _look(path: Path) -> MediaFacts:
 
 
 def _known_paths(folder: Path) -> list[str]:
-    """Return the recordings that the session's list or its record names, absolute."""
+    """Return the absolute paths of the recordings in the session's list or record."""
     return list(dict.fromkeys([*(str(media_path(folder, each)) for each in read_media(folder)),
                                *registered_recordings(folder, inside=True)]))  # fmt: skip
 
@@ -197,7 +197,7 @@ def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | No
 
 
 def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> list[str]:
-    """Say for which part of a recovered session the alignment holds."""
+    """Return for which part of a recovered session the alignment holds."""
     if not interruptions:
         return []
     at = found.marks[0].session_at if found.marks else 0.0
@@ -224,7 +224,7 @@ def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignm
 
 
 def _by_start(folder: Path, path: Path) -> Alignment:
-    """Align a file by the start of its recorder, if one of the session's recorders has written it."""
+    """Align a file by the start of its recorder, if a recorder of the session has written it."""
     wanted = path.absolute()
     for record in read_journal(folder / JOURNAL).read_records():
         started = isinstance(record, RecordingRecord) and record.status == "started" and record.path
@@ -290,7 +290,7 @@ def _lines(file: MediaFile) -> list[str]:
 def position_lines(file: MediaFile, outages: Sequence[Outage]) -> list[str]:
     """Describe a recording's alignment with the session's clock.
 
-    :param outages: when the session had no engine, while the recording went on.
+    :param outages: the session's outages, in which the recording continued.
     """
     if file.offset is None:
         return ["it is not aligned with the session"]

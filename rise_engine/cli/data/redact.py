@@ -117,14 +117,14 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
 
 
 def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
-    """Remove the words from what people wrote about a session or its participant in its study's log, and note it there.
+    """Remove the words from people's texts about a session or its participant in its study's log, and log this.
 
-    This comes before the change of the session, so that the log has it even if the run is killed in between.
+    This precedes the change of the session, so that the log has it even if the command is killed in between.
 
-    :param folder: the session's.
-    :param report: of the session; changes and remains are added to it.
-    :param words: what to remove.
-    :param try_only: change nothing.
+    :param folder: the session's folder.
+    :param report: the session's report, to which changes and remains are added.
+    :param words: the words to remove.
+    :param try_only: whether to change nothing.
     :return: the exports from before the session's last redaction that still exist.
     """
     study = study_of_session(folder)
@@ -133,7 +133,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
     name, participant = folder.resolve().name, owner_of(folder)
 
     def is_about(entry: LogEntry) -> bool:
-        """Whether it is about the session, or about its participant and no session."""
+        """Whether an entry is about the session, or about its participant and no session."""
         of_sessions = {entry.get("session"), entry.get("folder")} - {None}
         return name in of_sessions or (
             not of_sessions and participant != "" and entry.get("participant") == participant

@@ -82,7 +82,7 @@ def _write(
     sheet: str | None,
     new_file: Callable[..., AbstractContextManager[NewExport]],
 ) -> tuple[MadeReport, list[str]]:
-    """Make a report and write the wanted files, or print it; return it with sentences about the files."""
+    """Make a report and write the requested files, or print it; return it with sentences about the files."""
     said: list[str] = []
     with ExitStack() as files:  # both, or none
         exports = {

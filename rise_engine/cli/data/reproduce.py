@@ -1,4 +1,4 @@
-"""`rise-engine reproduce`: a check that a bundle's sessions replay, and that its results come out again."""
+"""`rise-engine reproduce`: checks that a bundle's sessions replay, and that its results can be reproduced."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError
 
 _SHOWN = 5
-"""Maximum number of differences of a kind printed for a session; `--json` has all."""
+"""Maximum number of differences of a kind that are printed for a session; `--json` has all."""
 
 
 class OtherCourse(Struct, frozen=True):
@@ -71,7 +71,7 @@ class Reproduction(Struct):
     inputs: InputsCheck = field(default_factory=InputsCheck)
     derived: DerivedCheck = field(default_factory=DerivedCheck)
     problems: list[str] = field(default_factory=list)
-    """Why something cannot be made again, in sentences."""
+    """Sentences on parts that cannot be reproduced."""
     sessions: list[ProvedSession] = field(default_factory=list)
     compared: tuple[str, ...] = ()
     """The files with which the sessions were compared."""
@@ -79,7 +79,7 @@ class Reproduction(Struct):
 
     @property
     def as_it_was(self) -> bool:
-        """Whether nothing differs."""
+        """Whether there are no differences."""
         same = all(each.comparison is not None and each.comparison.identical for each in self.others)
         follows = not (self.inputs.problems or self.derived.differences or self.problems)
         return self.check.whole and follows and all(each.proved for each in self.sessions) and same
@@ -117,7 +117,7 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
         folders = sessions_in_order(root, state)
         if robot is not None and folders:
             load_for_robot(folders[0], robot)  # an unknown robot is an error, not a difference
-        show = _show_nothing if as_json else print_lines  # with --json, everything comes at the end
+        show = _show_nothing if as_json else print_lines  # with --json, all output comes at the end
         show(*_check_lines(found.check))
         for session in prove_sessions(root, state, absent=found.about.absent):
             found.sessions.append(session)
@@ -150,7 +150,7 @@ def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
 
 
 def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], found: Reproduction) -> None:
-    """Compare the inputs with the sessions, and what is made of both with the bundle."""
+    """Compare the inputs with the sessions, and the files made from both with the bundle."""
     if state is None or not folders:
         return
     found.inputs = check_inputs(root, state, folders)
@@ -183,7 +183,7 @@ def _check_lines(check: ManifestCheck) -> list[str]:
 
 
 def _made_lines(found: Reproduction) -> list[str]:
-    """Describe the results for the inputs, and for everything made from them."""
+    """Describe the results for the inputs, and for all files made from them."""
     derived = found.derived
     lines = [f"different: {each}" for each in (*found.problems, *found.inputs.problems)]
     lines += [f"different: {each}" for each in derived.differences]
@@ -234,7 +234,7 @@ def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
 
 
 def _proof_paragraph(found: Reproduction) -> list[str]:
-    """Say what the results have proved, and what they have not."""
+    """Return what the results have proved, and what they have not."""
     proved = sum(each.proved for each in found.sessions)
     lines = ["This proves:"]
     if proved:
@@ -294,7 +294,7 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
 def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
     """Run the inputs of people and programs of the session in `folder` on a simulated `robot`, and compare.
 
-    Reports of the session's own robot, and of its timers, are not repeated: the other robot gives its own.
+    Reports of the session's own robot and timers are not repeated: the other robot gives its own.
 
     :param robot: the name of a profile (docs/reference/robots.md).
     :raises ExportError: the scenario does not load for that robot, or loops without end with it.

@@ -81,7 +81,7 @@ def check(
 
 
 def _exploration_lines(exploration: Exploration) -> Iterator[str]:
-    """Yield a line for each finding of exploring, and what was explored."""
+    """Yield a line for each finding of exploring, and the bounds."""
     for finding in exploration.findings:
         if finding.level != "remark":
             place = f"{finding.location}: " if finding.location is not None else ""
@@ -91,12 +91,12 @@ def _exploration_lines(exploration: Exploration) -> Iterator[str]:
 
 
 def _driver_diagnostics(folder: str, loaded: LoadResult, *, is_real: bool) -> list[Diagnostic]:
-    """Return the driver's diagnostics of the profile; in a rehearsal, problems of real sessions only are warnings."""
+    """Return the driver's diagnostics of the profile; in a rehearsal, problems of real sessions are only warnings."""
     files = FileReader(robots_folder(folder), Diagnostics())
     found = Diagnostics()
     errors = {each.location.file for each in loaded.errors}
     if SCENARIO_FILE in errors or any(name.endswith(f"{loaded.robot.name}.toml") for name in errors):
-        return []  # the profile could be read only in part
+        return []  # the profile could only be read in part
     for finding in profile_findings(loaded.robot):
         location = locate_in_profile(finding.where, loaded.robot.name, files)
         refused = finding.kind == "wrong" or (finding.kind == "missing" and is_real)
@@ -116,7 +116,7 @@ def _contents_text(scenario: Scenario | None) -> str:
 
 
 def _explain_act(loaded: LoadResult, act: str, *, as_json: bool) -> None:
-    """Print the settings of an act, and the lines of scenario.toml that they come from."""
+    """Print the settings of an act, with their lines of scenario.toml."""
     scenario = sound_scenario(loaded)
     if act not in scenario.acts:
         exit_with_usage(f"there is no act {act!r}{did_you_mean(act, scenario.acts)}")

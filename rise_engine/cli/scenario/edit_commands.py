@@ -162,9 +162,9 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
 
 
 def _write(path: Path, before: Files, after: Files) -> None:
-    """Write all or nothing, while nobody else has the study open. A draft of the editor stays unchanged.
+    """Write all or nothing, while no editor has the study open. A draft of the editor stays unchanged.
 
-    :raises EditRefused: somebody has it open, or it cannot be written.
+    :raises EditRefused: an editor has it open, or it cannot be written.
     """
     refuse_shipped(path)
     workspace = Workspace(path)

@@ -1,4 +1,4 @@
-"""The command `edit`: changes from a JSON file, made all together or not at all."""
+"""The command `edit`: makes the changes in a JSON file, all together or not at all."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def kinds_of_edits() -> dict[str, type[Edit]]:
 
 
 def _read_edit(value: Any) -> AnyEdit | str:
-    """Parse an edit, or say what is wrong with it."""
+    """Parse an edit, or return its error."""
     kinds = kinds_of_edits()
     if not isinstance(value, dict) or not isinstance(value.get("edit"), str):
         return 'an edit is an object such as {"edit": "set_start_value", "key": "score", "value": 0}'
@@ -153,7 +153,7 @@ def _make(
 
 
 def _started_programs(files: Files) -> Iterator[str]:
-    """List in words what a study's files tell this computer to start: the programs of its checks, and its recorders."""
+    """List in words the programs that a study's files make this computer start: those of checks, and recorders."""
     for name, data in files.items():
         if PurePosixPath(name).name != STUDY_FILE:
             continue
@@ -171,7 +171,7 @@ def _started_programs(files: Files) -> Iterator[str]:
 
 
 def _notes(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> list[object]:
-    """List the problems, or else what was noticed."""
+    """List the problems, or else the remarks."""
     in_the_way = [f"{name}: edit {each.edit + 1}: {each.why}" for each in refused] or checked.errors
     if problem:
         return [*in_the_way, f"error: {problem}"]

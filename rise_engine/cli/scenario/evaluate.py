@@ -40,7 +40,7 @@ class _ExpressionCommand(click.Command):
                 if takes_value[arg]:
                     options += [each for each in (next(rest, None),) if each is not None]
             elif arg.startswith("--") and arg[2:3].isalpha():
-                options.append(arg)  # with `=value`, or unknown: click reports it and names the nearest
+                options.append(arg)  # with `=value`, or unknown: click reports it with the nearest one
             else:
                 expressions.append(arg)
         return super().parse_args(ctx, [*options, "--", *expressions])
@@ -106,7 +106,7 @@ def _read_memory(text: str) -> dict[str, Any]:
 
 
 def _evaluate(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
-    """Print the value of an expression and how it was read; the exit status is 1 if it has no value."""
+    """Print the value of an expression and its reading. The exit status is 1 if it has no value."""
     try:
         expression = Expression.parse(text)
     except ExpressionError as error:

@@ -43,7 +43,7 @@ def expand(folder: str, new: str | None) -> None:
 
 
 def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
-    """Copy a scenario with other texts, without hidden files and patterns; return the number of files."""
+    """Copy a scenario with changed texts, without hidden files and patterns; return the number of files."""
     try:
         if new.exists() and (not new.is_dir() or any(new.iterdir())):
             raise Refused(f"{new} is {'not empty' if new.is_dir() else 'no folder'}; name a new folder")
@@ -71,7 +71,7 @@ def _write_copy(folder: Path, new: Path, texts: dict[str, str]) -> int:
 
 
 def _additions_text(files: list[XmlFile]) -> str:
-    """Say in a sentence what RISE itself would not read."""
+    """Return in a sentence what RISE itself would not read."""
     found = additions(files)
     if not found:
         return "nothing in these acts and rules is beyond RISE"

@@ -1,4 +1,4 @@
-"""`rise-engine explore`: all situations of a study, before the first participant comes."""
+"""`rise-engine explore`: explores all situations of a study, before the first participant comes."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def _interruptible() -> Iterator[list[bool]]:
 
 
 class _Progress:
-    """Display of progress; it stops the exploring after ctrl+c."""
+    """Shows the progress, and stops the exploring after ctrl+c."""
 
     def __init__(self, interrupted: list[bool]) -> None:
         self._interrupted = interrupted
@@ -260,7 +260,7 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
 def _finding_lines(
     findings: Sequence[tuple[str, str, str]], show: str | None, way_to: Callable[[int], Iterator[str]]
 ) -> Iterator[str]:
-    """Yield findings (level, text and place), each with the path to it if that is wanted."""
+    """Yield findings (level, text and place), if requested with the path to each."""
     before = ""
     for number, (level, text, place) in enumerate(findings, 1):
         if level != before:
@@ -290,7 +290,7 @@ def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFin
 
 
 def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
-    """Yield a table of keys and states where they do something: `x` always, `-` sometimes, a blank never."""
+    """Yield a table of keys and states with their effects: `x` always, `-` sometimes, a blank never."""
     signs = {"always": "x", "sometimes": "-", "never": " "}
     keys = next(iter(exploration.keys.values()), {})
     labels = [scenario.keys[key].label for key in keys]

@@ -35,10 +35,10 @@ LEAST_WIDTH, MOST_WIDTH = 40, 400
 def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: bool = False) -> str:
     """Draw a rule, an act, or all of them. Ends the command if there is none.
 
-    :param name: of a rule or an act; empty: all rules, or all acts.
+    :param name: the name of a rule or an act; empty: all rules, or all acts.
     :param format: one of FORMATS.
     :param width: cells, for text and SVG.
-    :param act: draw the act, even if a rule has the same name; without a name: all acts.
+    :param act: whether to draw the act, even if a rule has the same name; without a name: all acts.
     """
     if act or (name and name not in scenario.rules and name in scenario.acts):
         acts = _chosen(scenario.acts, name, "act")

@@ -1,4 +1,4 @@
-"""Loading of a scenario for a command, which refuses it with all its errors."""
+"""Loads a scenario for a command, or refuses it with all its errors."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario, and print its warnings on standard error. Ends the command if it has errors.
 
-    :param folder: the scenario's.
-    :param robot: another robot than the scenario's; None: its own.
-    :param mode: another mode than the scenario's; None: its own.
-    :param language: as for a session in this language; empty: in the language of the acts.
+    :param folder: the scenario's folder.
+    :param robot: a robot instead of the scenario's; None: the scenario's.
+    :param mode: a mode instead of the scenario's; None: the scenario's.
+    :param language: the language of the session; empty: that of the acts.
     :param allow_untranslated: whether missing translations are not errors.
     """
     loaded = load(folder, robot=robot, mode=mode, language=language or None, allow_untranslated=allow_untranslated)
@@ -61,7 +61,7 @@ def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def robots_folder(folder: str | None) -> Path:
-    """Return the folder whose own robots count."""
+    """Return the folder that may have its own robots."""
     path = Path(folder or ".")
     return (path.parent if path.is_file() else path).resolve()
 

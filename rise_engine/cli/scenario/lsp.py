@@ -17,7 +17,7 @@ _OTHER = re.compile(rb"(?!Content-Length)([A-Za-z-]+: .*)?\r\n")
 
 
 class CheckedHeaders:
-    """The editor's messages, whose headers are checked: after an invalid one, pygls would wait without a limit.
+    """Checks the headers of the editor's messages: after an invalid one, pygls would wait without a limit.
 
     Bodies are read with `read`, so each line belongs to a header. Source: LSP 3.17, header part.
     """

@@ -1,4 +1,4 @@
-"""The command `new`: a study of one's own, as a copy of one that comes with the program, or blank."""
+"""The command `new`: makes a new study, as a copy of a shipped one or blank."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rise-engine robots`, `schema` and `doctor`: what robots can do, and whether one answers."""
+"""`rise-engine robots`, `schema` and `doctor`: the actions of robots, and a check whether one answers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.reading.robot_profiles import DEFAULT_ROBOT, find_profile, robot_names
 
 SCHEMAS = "rise.schemas"
-"""The entry-point group in which a package names its own schemas, each a function that returns the text."""
+"""The entry-point group for a package's own schemas, each a function that returns the text."""
 
 
 @click.command()
@@ -129,6 +129,6 @@ def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: fl
 
 
 def _named_robot(folder: str | None) -> str:
-    """Return the robot that a scenario names; the default robot if the scenario has errors."""
+    """Return the robot of a scenario; the default robot if the scenario has errors."""
     scenario = load(folder or ".").scenario
     return scenario.robot.name if scenario is not None else DEFAULT_ROBOT

@@ -1,6 +1,6 @@
-"""A session without a console: the work of `rise-engine run` after the parsing of its arguments.
+"""A session without a console: `rise-engine run` after the parsing of its arguments.
 
-In real time it runs on an asyncio loop; in virtual time in one plain loop, without waiting.
+In real time it runs on an asyncio loop; in virtual time in a plain loop, without waiting.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from rise_engine.run.server.hub import ALIVE_SECONDS, ALLOWED_WITHOUT_CONTROL, M
 from rise_engine.scenario.model import Scenario
 
 LIVELOCK = 20_000
-"""Inputs, without the script's tasks, within which virtual time must advance by LIVELOCK_SECONDS."""
+"""Number of inputs, without the script's tasks, within which virtual time must advance by LIVELOCK_SECONDS."""
 LIVELOCK_SECONDS = 0.1
 ENDLESS_AFTER = 86_400.0
-"""Virtual seconds after the last scripted task; a session that is still not idle then never will be."""
+"""Virtual seconds after the last scripted task after which a busy session counts as endless."""
 
 
 class RunOptions(Struct, frozen=True):
-    """What to run, and until when."""
+    """The session to run, and its end."""
 
     scenario: Scenario
     session: SessionOptions
@@ -97,9 +97,9 @@ class _HeadlessSession:
         self.output = output
         self.status = exit_status.OK
         self.submitted = 0
-        """How many tasks of the script have been submitted."""
+        """The number of submitted tasks of the script."""
         self._due: dict[float, list[TimedTask]] = {}
-        """Tasks that are still to be submitted, by their time."""
+        """Tasks still to be submitted, by their time."""
         self.streaming = options.stream
         self.may_be_old: Callable[[], bool] = lambda: False
         """Whether this process has just stood still."""
@@ -124,7 +124,7 @@ class _HeadlessSession:
             clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
 
     def add_task(self, task: TimedTask) -> None:
-        """Add a task that came while the session runs; submit it immediately if its time is over."""
+        """Add a task that came while the session runs; submit it immediately if its time has passed."""
         self._print_warning(task)
         if task.at > self.engine.clock.now():
             self._schedule(task)
@@ -137,7 +137,7 @@ class _HeadlessSession:
             print_notes(warning)
 
     def end_if_idle(self) -> None:
-        """End with `--until idle` when nothing happens by itself any more and no task is left to submit."""
+        """With `--until idle`, end the session when it is idle and no task is left to submit."""
         if self.options.until is None and not self._due and not self.streaming and self.engine.idle:
             self.engine.end("nothing is left to do")
 
@@ -147,7 +147,7 @@ class _HeadlessSession:
         self.engine.end("interrupted", stop=True)
 
     def end_if_output_failed(self) -> None:
-        """End the session when it cannot be written any more, so that no robot continues unrecorded."""
+        """End the session when its output can no longer be written, so that no robot continues unrecorded."""
         if self.output.failure is not None:
             if not self._output_failure_reported:
                 self._output_failure_reported = True
@@ -161,7 +161,7 @@ class _HeadlessSession:
             self.engine.end("nobody reads the output")
 
     def end_as_endless(self, message: str) -> None:
-        """End a session that would never end by itself; `message` says why."""
+        """End a session that would never end by itself; `message`: the reason."""
         print_notes(f"error: {message}")
         self.status = exit_status.ENDLESS
         self.engine.end(message, stop=True)
@@ -183,7 +183,7 @@ class _HeadlessSession:
         return self.status
 
     def _schedule(self, task: TimedTask) -> None:
-        # Tasks of one moment share a timer, in the order of their lines: asyncio does not keep the order of timers.
+        # Tasks of one time share a timer, in the order of their lines: asyncio does not keep the order of timers.
         tasks = self._due.setdefault(task.at, [])
         if not tasks:
             self.engine.clock.call_at(task.at, lambda: self._submit_due(task.at))
@@ -191,14 +191,14 @@ class _HeadlessSession:
 
     def _submit_due(self, at: float) -> None:
         late = (self.engine.clock.now() - at) / self.engine.clock.speed
-        # Without a standstill, a session that is to run a thousand times as fast is only slower than that.
+        # Without a standstill, a session that should run a thousand times as fast is only slow.
         is_too_late = late > MOST_LATE_SECONDS and self.may_be_old()
         why_not = f"it was due {late:.0f} s ago" if is_too_late else ""
         for task in self._due.pop(at):
             self._submit(task, why_not)
 
     def _submit(self, task: TimedTask, why_not: str = "") -> None:
-        """Submit a task. `why_not`: it is too late, unless it only stops something."""
+        """Submit a task. `why_not`: the reason if it is too late, unless it only stops something."""
         self.submitted += 1
         if self.engine.ended:
             return
@@ -260,7 +260,7 @@ def _run_virtual(options: RunOptions) -> int:
 
 @contextmanager
 def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
-    """Suppress the exception of a failed engine: it has stopped the robot and reports the reason in `status_at_end`."""
+    """Suppress the exception of a failed engine, which has stopped the robot; `status_at_end` reports the reason."""
     try:
         yield
     except Exception:
@@ -270,7 +270,7 @@ def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
 
 @contextmanager
 def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Send the signals that end a session to `handler` inside the block."""
+    """Call `handler` for the signals that end a session inside the block."""
     before = [(each, signal.signal(each, handler)) for each in _ending_signals()]
     try:
         yield
@@ -280,7 +280,7 @@ def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 
 
 def _ending_signals() -> list[signal.Signals]:
-    """SIGINT, SIGTERM, and SIGHUP for a lost terminal, unless the program was started so that it survives that."""
+    """SIGINT, SIGTERM, and SIGHUP for a lost terminal, unless the program was started to survive that."""
     survives = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *([] if survives else [signal.SIGHUP])]
 
@@ -321,7 +321,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
         interrupts.append(number)
         if len(interrupts) == 1:
             loop.call_soon_threadsafe(session.interrupt)
-        # At a logout, SIGTERM and several SIGHUPs come within milliseconds: only somebody who insists leaves a robot.
+        # At a logout, SIGTERM and several SIGHUPs come within milliseconds: only repeated ctrl+c may abandon a robot.
         elif number == signal.SIGINT and (pressed := interrupts.count(signal.SIGINT)) > 1:
             is_real = options.scenario.mode == "real"
             if pressed > 1 + is_real:
@@ -357,7 +357,7 @@ async def _note_alive(hub: SessionHub) -> None:
 
 
 def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _HeadlessSession) -> None:
-    """Run tasks as their lines arrive on standard input; its end ends the script."""
+    """Submit tasks as their lines arrive on standard input; its end ends the script."""
     reader = TaskFileReader("-")
 
     def submit_line(text: bytes) -> None:
@@ -388,7 +388,7 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
             loop.call_soon_threadsafe(end_stream)
         except RuntimeError:  # the session is over and its loop is closed
             return
-        except (AttributeError, OSError, ValueError):  # no standard input at all
+        except (AttributeError, OSError, ValueError):  # there is no standard input
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(end_stream)
 

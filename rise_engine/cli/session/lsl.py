@@ -1,4 +1,4 @@
-"""`rise-engine lsl`: markers of a running session for the Lab Streaming Layer, in a process of its own."""
+"""`rise-engine lsl`: sends markers of a running session to the Lab Streaming Layer, in its own process."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ async def _send(plan: OutletPlan) -> int:
 
 
 def _log_to_standard_error() -> None:
-    """Show the stream's messages to the user who started it."""
+    """Show the stream's messages to the user."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     log = logging.getLogger("rise_engine.run.recording")

@@ -1,4 +1,4 @@
-"""`rise-engine replay`: a comparison of a session with its replay, or the session played in real time."""
+"""`rise-engine replay`: compares a session with its replay, or plays it in real time."""
 
 from __future__ import annotations
 

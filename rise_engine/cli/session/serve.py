@@ -133,7 +133,7 @@ def serve(
 
 
 def _lines(message: StartupProgress | StartOutcome, scenario_folder: str) -> list[str]:
-    """Format the start's progress and outcome; `scenario_folder` is empty for a study."""
+    """Format the start's progress and outcome. `scenario_folder` is empty for a study."""
     match message:
         case StartupProgress(sentence=sentence):
             return [sentence]

@@ -1,4 +1,4 @@
-"""`rise-engine sessions`: the sessions that run, that did not end, or that were recorded."""
+"""`rise-engine sessions`: lists running, unfinished and recorded sessions."""
 
 from __future__ import annotations
 
@@ -98,9 +98,10 @@ def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
 
 
 def _print_recorded(where: str | None, *, as_json: bool) -> int:
-    """Print every recorded session of a study, of a scenario or in a folder; None: in the usual sessions folder.
+    """Print every recorded session of a study, of a scenario or in a folder, and return the exit status.
 
-    Return the exit status."""
+    :param where: None: the usual sessions folder.
+    """
     if where is not None and not Path(where).is_dir():
         exit_with_usage(f"there is no folder {where}")
     found = list_sessions(None if where is None else Path(where))
@@ -133,13 +134,13 @@ class ListedSession(Struct, frozen=True):
     mode: str
     title: str
     differences: list[str] = []
-    """What other files say differently from its journal, which the list shows."""
+    """Sentences on contradictions between its journal, which the list shows, and other files."""
 
 
 def list_sessions(where: Path | None) -> list[ListedSession]:
     """List the sessions of a study, of a scenario or of a folder with sessions, the earliest first.
 
-    :param where: the folder of one of these; None: the folder of sessions outside of studies.
+    :param where: its folder; None: the folder of sessions outside of studies.
     :raises rise_engine.study.study_log.StudyLogError: a study's log cannot be read.
     """
     judgements, copies, log = NO_JUDGEMENTS, set[str](), list[LogEntry]()
@@ -157,7 +158,7 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
         root = where
     found: list[ListedSession] = []
     for folder in _folders(root):
-        with suppress(SessionError):  # it is not a session
+        with suppress(SessionError):  # not a session
             if folder.name in copies:
                 continue
             info = read_info(folder, compare=False)
@@ -243,7 +244,7 @@ class UnfinishedSession(NamedTuple):
 
 
 def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
-    """Find unfinished sessions, the latest first, without the `running` ones (`registry.ask_all_summaries`)."""
+    """Find unfinished sessions, the latest first, except the `running` ones (`registry.ask_all_summaries`)."""
     recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
     found: dict[str, UnfinishedSession] = {}
     for folder in find_unfinished():

@@ -35,7 +35,7 @@ from rise_engine.study.study_toml import is_study
 from rise_engine.study.verdict import read_verdict
 
 END_SECONDS = 40.0
-"""Seconds that a session has to end: the robot's answer and the last records take 11 at most."""
+"""Seconds until a session has ended: the robot's answer and the last records take 11 at most."""
 
 
 @click.command()
@@ -57,7 +57,7 @@ def stop(which: str | None) -> int:
     while is_locked(lock):
         if time.monotonic() > deadline:
             raise Refused(f"{name} (process {pid}) has not ended within {END_SECONDS:g} s", status=FAILED)
-        with suppress(OSError, ValueError):  # it goes just now
+        with suppress(OSError, ValueError):  # the session is just ending
             folder = read_lock(lock)[1] or folder
         time.sleep(0.02)
     if folder is None:
@@ -72,7 +72,7 @@ def stop(which: str | None) -> int:
 
 
 def _to_judge_lines(folder: Path) -> list[str]:
-    """Say how to set the outcome of a study's session that ended without one."""
+    """Describe how to set the outcome of a study's session that ended without one."""
     try:
         info = read_info(folder)
     except SessionError:
@@ -84,7 +84,7 @@ def _to_judge_lines(folder: Path) -> list[str]:
 
 
 def find_session_name(which: str | None) -> str:
-    """Return the name of the session that is meant. Raises RegistryError."""
+    """Return the name of the intended session. Raises RegistryError."""
     if which is not None and Path(which).is_dir():
         if (name := session_name(which)) in running_names():
             return name

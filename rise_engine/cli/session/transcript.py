@@ -2,9 +2,9 @@
 
     00:03.2  Speech    "Dear Reader, welcome!"           started
 
-The transcript has one line for each record with something new; an action's `accepted` and a task's repeated states are
-left out. In real time a separate thread writes, so that a terminal or pipe that nobody reads does not block the robot.
-Nothing is dropped silently: a record that cannot be written is a `failure`, which ends the session.
+The transcript has one line for each record with news; it omits an action's `accepted` and a task's repeated states. In
+real time a separate thread writes, so that an unread terminal or pipe does not block the robot. Nothing is dropped
+silently: a record that cannot be written is a `failure`, which ends the session.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_engine.session.journal_format import encode_record
 _WHO_WIDTH = 16
 _WHAT_WIDTH = 44
 _MAX_CLOCK_SECONDS = 1e12
-"""Maximum seconds that the clock shows, more than any session has."""
+"""Maximum seconds that the clock shows, more than any session lasts."""
 _WITH_OWN_RECORD = {
     "stopAll",
     "releaseStop",
@@ -42,13 +42,13 @@ _WITH_OWN_RECORD = {
 
 
 class Transcript:
-    """Converter of records, in order, into lines."""
+    """Converts records, in order, into lines."""
 
     def __init__(self) -> None:
         self._tasks: dict[int, TaskView] = {}
 
     def line_for(self, record: AnyRecord) -> str | None:
-        """Return the line for a record, without line end; None if it tells a reader nothing new."""
+        """Return the line for a record, without line end; None: it has no news for a reader."""
         add_record(self._tasks, record)
         words = self._words(record)
         if words is None:
@@ -69,7 +69,7 @@ class Transcript:
                 words = words_of(record, took=record.t - action.since if action is not None and ended else None)
                 return words._replace(kind=f"  {words.kind}", subject=words.subject or record.action)
             case FailureRecord(status="asked" | "waiting"):
-                words = words_of(replace(record, reason=""), sources=True)  # the act's record has just said why
+                words = words_of(replace(record, reason=""), sources=True)  # the act's record just gave the reason
                 answers = f"repeatAct {record.task}, goOn {record.task} or stopRuleOfAct {record.task}"
                 return words._replace(text=f"{words.text}; answers: {answers}")
             case _:
@@ -114,16 +114,16 @@ def _cell(text: str, width: int) -> str:
 
 
 class Output:
-    """A sink for records. It writes and flushes every line immediately."""
+    """A sink for records, which writes and flushes every line immediately."""
 
     def __init__(self, *, json: bool) -> None:
         """:param json: JSON lines instead of a transcript."""
         self.broken = False
-        """Whether nothing can be written any more (a closed pipe, a full disk)."""
+        """Whether the output can no longer be written (a closed pipe, a full disk)."""
         self.failure: Exception | None = None
-        """The first error that kept a record from being written; a closed pipe does not count."""
+        """The first error because of which a record was not written; a closed pipe does not count."""
         self.on_failure: Callable[[], None] | None = None
-        """Called when either of these changes, on the thread where it happens."""
+        """Called when either of these changes, on the thread of the change."""
         self._transcript = None if json else Transcript()
         self._encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
 
@@ -148,7 +148,7 @@ class Output:
         try:
             sys.stdout.buffer.write(line)
             sys.stdout.buffer.flush()
-        except BrokenPipeError:  # nobody can get a message
+        except BrokenPipeError:  # nobody can receive a message
             self.broken = True
             discard_rest(sys.stdout)
             self._notify()
@@ -168,10 +168,10 @@ class Output:
 
 
 class ThreadedOutput(Output):
-    """A sink with a thread of its own that writes: callers never wait."""
+    """A sink that writes in its own thread, so that callers never wait."""
 
     CLOSE_SECONDS = 5.0
-    """Seconds that a reader who has stopped reading gets at the end of a session that somebody ends in a hurry."""
+    """Seconds that a reader who has stopped reading gets at the end of a session that is ended in a hurry."""
 
     def __init__(self, *, json: bool) -> None:
         super().__init__(json=json)
@@ -180,7 +180,7 @@ class ThreadedOutput(Output):
         self._thread.start()
 
     def close(self, hurried: Callable[[], bool]) -> None:
-        """Wait until everything is written, as long as the reader takes (a pager), unless it becomes `hurried`."""
+        """Wait until everything is written, however slow the reader (a pager) is, unless it becomes `hurried`."""
         self._lines.put(None)
         deadline = None
         while self._thread.is_alive() and (deadline is None or time.monotonic() < deadline):

@@ -1,6 +1,6 @@
-"""The questions about a new study and the parsing of their answers, for the prompts of `study new` and its options.
+"""Questions about a new study, and parsers of their answers, for the prompts and options of `study new`.
 
-Every function that parses a text returns its meaning, or raises ValueError with a sentence that says what is wrong.
+Every parser returns the meaning of a text, or raises ValueError with a sentence.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rise_engine.study.study_scenarios import memory_key_problem, memory_type_pr
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"
-"""The answer that means nothing, in place of the default."""
+"""The answer "nothing", instead of the default."""
 USUAL_CHECKS = "robot, disk, scenario, wizard"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
@@ -37,7 +37,7 @@ _YES, _NO = ("y", "yes", "j", "ja"), ("n", "no", "nein")
 
 
 def parse_text(text: str) -> str:
-    """Parse any text that can be shown."""
+    """Parse any text without invisible characters."""
     if not text.strip() or not text.isprintable():
         raise ValueError("write a word or more")
     return text.strip()
@@ -67,7 +67,7 @@ def parse_yes(text: str) -> bool:
 
 
 def parse_scenario(text: str) -> tuple[Path, Scenario]:
-    """Parse the folder of a scenario, shipped or somebody's own, and load it."""
+    """Parse the folder of a scenario, shipped or one's own, and load it."""
     studies = shipped_studies()
     path = studies.get(text, Path(text).expanduser())
     path = path.parent if path.name == SCENARIO_FILE else path
@@ -114,11 +114,11 @@ def parse_level_names(text: str) -> list[str]:
 
 
 def parse_level(name: str, text: str, scenario: Scenario) -> Level:
-    """Parse what the robot does in a level.
+    """Parse the robot's behaviour in a level.
 
-    :param name: the level's.
+    :param name: the level.
     :param text: memory values, `hesitation = true, pause_ms = 300`; or `scenario PATH`; or nothing.
-    :param scenario: the one whose memory is set.
+    :param scenario: the scenario whose memory is set.
     """
     text = text.strip()
     if text in ("", NOTHING):
@@ -159,7 +159,7 @@ def _quote_word(word: str) -> str:
 
 
 def usual_level(factor: str, level: str, scenario: Scenario) -> str:
-    """Guess what a level sets: the memory key with the factor's name, if there is one; empty if it is unclear.
+    """Guess the memory value of a level: that of the key with the factor's name; empty: unclear.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/lablinking").scenario
@@ -211,7 +211,7 @@ def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
 
 
 def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -> StudyCheck:
-    """Make a check that somebody confirms, with an id from its words."""
+    """Make a check that a person confirms, with an id from its words."""
     words = re.findall(r"[a-z0-9]+", sentence.casefold())
     words = [word for word in words if word not in ("the", "is", "are", "a", "an", "was", "were", "has", "have")]
     base = "-".join(words[:3]) or "asked"
@@ -223,7 +223,7 @@ def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -
 
 
 def same_levels(levels: list[Level]) -> list[str]:
-    """Find the first two levels in which the robot does the same; return their names."""
+    """Return the names of the first two levels with the same behaviour of the robot."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
             if what_it_does(level) == what_it_does(other):

@@ -1,6 +1,6 @@
 """The checks of a study on the command line: options with people's answers, and questions on a terminal.
 
-`gather_check_reports` makes every check and returns the session's reports, or refuses with everything that is missing.
+`gather_check_reports` makes all checks and returns the session's reports, or refuses with all missing ones.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ class CheckOptions(Struct, frozen=True):
     """The answers to checks on the command line."""
 
     confirmed: tuple[str, ...] = ()
-    """`--confirm ID`: somebody has looked, or will have heard the word of `sound`."""
+    """`--confirm ID`: a person has looked, or will have heard the word of `sound`."""
     skipped: tuple[str, ...] = ()
     """`--skip-check ID=REASON`."""
 
 
 class StandardTerminal:
-    """Standard input and standard error, where somebody reads the results of checks, and answers."""
+    """Standard input and standard error, on which a person reads the results of checks and answers."""
 
     @property
     def answers(self) -> bool:
-        """Whether somebody can answer."""
+        """Whether a person can answer."""
         return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
     def show(self, line: str) -> None:
@@ -50,7 +50,7 @@ class StandardTerminal:
         print_notes(line)
 
     def ask(self, question: str) -> str:
-        """Ask a question, and return what the user types. :raises EOFError: the input has ended."""
+        """Ask a question, and return the answer. :raises EOFError: the input has ended."""
         print(f"{question} ", end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
         if not line:
@@ -72,10 +72,10 @@ def gather_check_reports(
 
     :param context: the session.
     :param options: the answers on the command line.
-    :param when: which checks.
+    :param when: before or after the session.
     :param terminal: by default standard input and standard error.
     :return: the session's reports, in the order of the file.
-    :raises Refused: with everything that is missing, and the options that provide it.
+    :raises Refused: with all missing checks, and the options for them.
     """
     terminal = terminal or StandardTerminal()
     study = context.study
@@ -102,7 +102,7 @@ class ChosenChecks(Struct, frozen=True):
 
     confirmed: frozenset[str]
     reasons: dict[str, str]
-    """For those that are skipped."""
+    """The reasons of skipped checks."""
 
 
 def read_check_options(
@@ -110,10 +110,10 @@ def read_check_options(
 ) -> ChosenChecks:
     """Parse the options for a study.
 
-    :param study: whose checks.
-    :param purpose: the session's.
-    :param options: as they were written.
-    :param when: whether they concern the checks before the session or after it.
+    :param study: the study with the checks.
+    :param purpose: the purpose of the session.
+    :param options: the options of the command line.
+    :param when: before or after the session.
     :raises Refused: with all errors in them.
     """
     problems: list[str] = []
@@ -140,7 +140,7 @@ def read_check_options(
 
 
 def is_answered_by_person(check: StudyCheck) -> bool:
-    """Return whether somebody has to say the result of a check."""
+    """Return whether a person determines the result of a check."""
     return bool(check.ask) or check.auto == "sound"
 
 
@@ -171,7 +171,7 @@ class _Gathering:
 
     @property
     def hints(self) -> list[str]:
-        """The options that say what is missing, to be copied."""
+        """The options for missing checks, to be copied."""
         confirm = " ".join(f"--confirm {id}" for id in self._to_confirm)
         skip = " ".join(f"--skip-check {id}=REASON" for id in self._to_skip)
         return [
@@ -188,16 +188,16 @@ class _Gathering:
         if pending.good_since:
             outcome = kept_check(pending)
             self._show(check, outcome)
-            return report_check(outcome)  # it is in the log already
+            return report_check(outcome)  # already in the log
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
-            # The robot does not speak if nobody can say that it was heard.
+            # The robot does not speak if no person can confirm that it was heard.
             if self._miss(check, f"{check.id}: not confirmed: “{check_text(check)}”"):
                 self._to_confirm.append(check.id)
             return None
         return self._make(check)
 
     def _make(self, check: StudyCheck) -> CheckReport:
-        """Make a check; if somebody can answer, repeat it until it passes, is skipped, or is left."""
+        """Make a check. If a person can answer, repeat it until it passes, is skipped, or is left."""
         while True:
             outcome, by = self._look(check)
             report = self._keep(check, outcome, by)

@@ -146,7 +146,7 @@ _STATES: dict[ParticipantState, str] = {
 
 
 def status_lines(state: StudyStatus) -> list[str]:
-    """Describe the study: its participants, its cells, its rehearsals, what is due, and who is next."""
+    """Describe the study: participants, cells, rehearsals, tasks that are due, and the next participant."""
     study, standing = state.study, state.standing
     lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
     strata = study.assignment.strata
@@ -167,7 +167,7 @@ def status_lines(state: StudyStatus) -> list[str]:
 
 
 def _how_lines(state: StudyStatus) -> list[str]:
-    """List the commands for some of what is due."""
+    """List the commands for some of the tasks that are due."""
     states = {each.state for each in state.standing.participants}
     where = shlex.quote(state.study.folder)
     lines = []
@@ -190,7 +190,7 @@ def status_json(state: StudyStatus) -> dict[str, Any]:
 
 
 def next_lines(state: StudyStatus) -> list[str]:
-    """Say who is next and which commands begin their session, or that nobody is next."""
+    """Return the next participant with the commands for their session, or a sentence that there is none."""
     following = next_json(state)
     if not following["participant"]:
         if state.standing.complete >= state.standing.wanted:
@@ -206,7 +206,7 @@ def next_lines(state: StudyStatus) -> list[str]:
 
 
 def next_json(state: StudyStatus) -> dict[str, Any]:
-    """Return who is next as JSON; its `participant` is empty if nobody is."""
+    """Return the next participant as JSON; `participant` is empty if there is none."""
     name = state.standing.next
     found: dict[str, Any] = {"participant": name, "sentence": "", "run": None, "attempt": None, "slot": None}
     if not name:
@@ -251,7 +251,7 @@ def _last_text(last: SessionEntry | None) -> str:
 def _cell_rows(state: StudyStatus) -> list[list[str]]:
     """Make the table of cells, without planned numbers if the sizes of strata are unknown.
 
-    If conditions are hidden, it has only the strata: the fullness of cells would reveal the next condition.
+    If conditions are hidden, it has only the strata, because the numbers of cells would reveal the next condition.
     """
     cells, hidden = state.standing.cells, state.study.assignment.hidden
     columns = list(cells[0].strata)

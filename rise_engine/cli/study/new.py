@@ -145,7 +145,7 @@ class _Conversation:
     """All questions; answers from options are not asked again."""
 
     def __init__(self, folder: Path, given: dict[str, Any]) -> None:
-        """Take the answers from options; with `yes`, nothing is asked."""
+        """Take the answers from options. With `yes`, ask nothing."""
         self.folder = folder
         self.given = given
         self.asks = not given["yes"]
@@ -291,7 +291,7 @@ class _Conversation:
         return self.answer(question, usual, lambda text: answers.parse_level(level, text, scenario))
 
     def make_factor(self, name: str, kind: FactorKind, levels: list[Level]) -> Factor:
-        """Make the factor, with the names that the scenarios of its levels get in the study."""
+        """Make the factor, with the names of its levels' scenarios in the study."""
         named: list[Level] = []
         for level in levels:
             if level.scenario:

@@ -36,7 +36,7 @@ _PROBLEMS = (
 def look_at_study(review: StudyReview) -> StudyLook | None:
     """Explore and play every kind of session; None: the study has errors.
 
-    :param review: of the study, read just before.
+    :param review: the current review of the study.
     """
     if review.study is None or review.errors:
         return None
@@ -46,9 +46,9 @@ def look_at_study(review: StudyReview) -> StudyLook | None:
 
 
 def look_lines(look: StudyLook | None) -> Iterator[str]:
-    """Yield problems, warnings and keys that can be lost, a line each, and a summary; nothing for a study with errors.
+    """Yield problems, warnings and keys that can be lost, a line each, and a summary; none for a study with errors.
 
-    What a wizard's key says of the participant is often the datum itself.
+    A wizard's key about the participant is often the datum itself.
     """
     if look is None:
         return
@@ -148,7 +148,7 @@ def _contents_text(study: Study, review: StudyReview) -> str:
 
 
 def _next_step(review: StudyReview, path: Path) -> str:
-    """Say what to do next."""
+    """Return the next step for the user."""
     where = quote(str(path))
     if not review.is_planned:
         return f"next: make the plan   rise-engine study plan {where}"
@@ -236,11 +236,11 @@ NOT_PROVED = (
     "that times of day are right: only when sessions began and how long outages lasted were compared, where there are "
     "dates",
 )
-"""What replays and comparisons leave open, also when nothing differs. The second: a line removed from the log."""
+"""What replays and comparisons do not prove, even without differences. The second: a line removed from the log."""
 
 
 def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> str:
-    """Say which files agree with the sessions, except for the participants of reassigned sessions.
+    """Return which files agree with the sessions, except for the participants of reassigned sessions.
 
     :param files: from `compared_files`.
     :param sessions: all sessions with their results.
@@ -254,6 +254,6 @@ def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> s
 
 
 def _except_reassigned(sessions: Iterable[ProvedSession]) -> str:
-    """End a sentence about all sessions with those that the log has reassigned. Empty: there are none."""
+    """Return the end of a sentence about all sessions: the reassigned ones. Empty: there are none."""
     count = sum(bool(each.note) for each in sessions if each.proved)
     return f", except the participant of {pluralize(count, 'reassigned session')}" if count else ""

@@ -35,9 +35,9 @@ def study_session(
 
     :param options: from the command line, without the study.
     :param study: the study's folder, as the user wrote it.
-    :param folder: the scenario's, if the user named one.
-    :param run: which of the participant's runs; 0: the next.
-    :param checks: answers to the study's checks, which are made here.
+    :param folder: the scenario's folder, if the user named one.
+    :param run: the participant's run; 0: the next one.
+    :param checks: answers to the study's checks, which this function makes.
     """
     if folder is not None:
         exit_with_usage("a session of a study has the study's scenario: use either DIR or --study")
@@ -50,7 +50,7 @@ def study_session(
     recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
     if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
-    # Report what is known before the user makes the checks.
+    # Report known problems before the user makes the checks.
     plan = _plan(state, options, serves=True)
     if plan is None:
         return options
@@ -109,7 +109,7 @@ def rehearsed_session(
 
 
 def _plan(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
-    """Plan the session; None if it is to be served while another one runs or did not end, which the engine reports."""
+    """Plan the session; None: another one to be served runs or did not end, which the engine reports."""
     request = BeginRequest(
         participant=options.participant,
         run=options.run,

@@ -1,4 +1,4 @@
-"""`rise-engine test`: runs of a study's tests, and their differences from what they expect."""
+"""`rise-engine test`: runs a study's tests, and reports differences from the expectations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rise-engine study withdraw`: the deletion of everything about a participant."""
+"""`rise-engine study withdraw`: the deletion of all data of a participant."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
 
 
 def _slot_afterwards(study: Path, participant: str) -> str:
-    """Say what happens to the slot of a participant who withdraws; empty: they have none."""
+    """Return what happens to the slot of a participant who withdraws; empty: they have none."""
     taken = [entry for entry in read_log(study) if entry.kind == "taken"]
     takers = {entry.get("slot"): entry.get("participant") for entry in taken}
     theirs = [entry.get("slot") for entry in taken if entry.get("participant") == participant]

@@ -1,2 +1,1 @@
-"""The events of one or several sessions in the form needed for analysis: acts with their latencies, cues, phases,
-marks and recordings."""
+"""The events of sessions in the form for analysis: acts with latencies, cues, phases, marks, recordings."""

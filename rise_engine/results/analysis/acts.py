@@ -1,9 +1,8 @@
-"""Acts and cues of a session with the parts of every latency, and who caused them.
+"""Acts and cues of a session with the parts of every latency, and their causes.
 
-The engine records for each request of a rule which task led to it (semantics.md 4.5). Followed back act by act, this
-leads to something that no rule requested, or to a rule that acted by itself. All code that names who did something uses
-this module. Values that old journals lack are computed from their other records: who requested an act from its task,
-whether it bridged a cue from the cue, and when it could be heard from its actions.
+The engine records for each request of a rule which task caused it (semantics.md 4.5). Followed act by act, this leads
+to a task that no rule requested, or to a rule that acted by itself. All code that names the origin of something uses
+this module. Values that old journals lack are computed from their other records.
 """
 
 from __future__ import annotations
@@ -50,12 +49,12 @@ START_RULE = "startInteractionRule"
 
 
 Request: TypeAlias = TaskRecord | TaskView
-"""A task as far as its cause is concerned."""
+"""A task with the fields that determine its cause."""
 R = TypeVar("R", bound=Request)
 
 
 def cause_of(task: R, tasks: Mapping[int, R]) -> R | None:
-    """Return the task that led to a task; None: nothing did, or it is not among `tasks`."""
+    """Return the task that caused a task; None: it has no cause, or the cause is not among `tasks`."""
     return None if task.cause is None or task.cause >= task.id else tasks.get(task.cause)
 
 
@@ -76,14 +75,14 @@ class Origin(Struct, frozen=True):
     via: tuple[str, ...] = ()
     """The rules in between, in their order, each once."""
     key_at: float | None = None
-    """When the key was pressed. If a wizard caused it through rules, without a key: `taken_at`. None: no key caused it,
-    or only the key of the cue."""
+    """When the key was pressed; `taken_at`: a wizard caused it by rules, without a key. None: no key, or only the
+    cue's."""
     taken_at: float | None = None
-    """When the engine took the request of that key. None: as `key_at`."""
+    """When the engine accepted the request of that key. None: as for `key_at`."""
 
 
 class CauseCollector:
-    """A collector of causes. Give it a session's records in their order."""
+    """Collects causes. Give it a session's records in their order."""
 
     def __init__(self, tasks: Mapping[int, TaskView]) -> None:
         """
@@ -94,7 +93,7 @@ class CauseCollector:
         self._started: dict[str, tuple[float, int]] = {}
         """For each rule, the time and the task of its last start."""
         self._raised: list[tuple[float, str, int | None]] = []
-        """Events: time, topic, and the task that had started the rule at that moment. None: a wizard raised it."""
+        """Events: time, topic, and the task that had started the rule at that time. None: a wizard raised it."""
 
     def add(self, record: AnyRecord) -> None:
         """Add the next record. If it is about a task, update that first."""
@@ -113,7 +112,7 @@ class CauseCollector:
             self._raised.append((record.t, record.topic, None if kind == "wizard" else task))
 
     def raised(self) -> tuple[tuple[float, str], ...]:
-        """Return times and topics of events from wizards, and from rules at the moment when a wizard started them."""
+        """Return times and topics of events from wizards, and from rules at the time when a wizard started them."""
         by_wizards = (
             (at, topic)
             for at, topic, task in self._raised
@@ -138,7 +137,7 @@ class CauseCollector:
         return self._origins[task]
 
     def marks(self, acts: Sequence[int]) -> dict[int, Mark]:
-        """Return the mistakes that wizards marked, for each act itself, or for the key that first led to it.
+        """Return the mistakes that wizards marked, on each act itself or on the key that first led to it.
 
         :param acts: the tasks of all acts, in their order.
         """
@@ -159,8 +158,8 @@ class CauseCollector:
         return first
 
     def keys(self, acts: Sequence[int]) -> tuple[WizardKey, ...]:
-        """Return all requests of wizards in their order, except marks and the like on tasks, and except tasks that
-        another one brought along: a repetition, the filler of `nextFiller`, a rule resumed by a release.
+        """Return all requests of wizards in their order, except those about tasks (such as marks), and except tasks
+        that another request caused: a repetition, the filler of `nextFiller`, a rule resumed by a release.
 
         :param acts: the tasks of all acts, in their order.
         """
@@ -193,13 +192,13 @@ class CauseCollector:
 
     def _begin(self, task: TaskView) -> Origin:
         by, via = task.source, task.via
-        if via and task.cause is None:  # the time was that of the first rule on the way
+        if via and task.cause is None:  # that time belongs to the first rule of the chain
             by, via = f"rule:{via[0]}", (*via[1:], task.source.removeprefix("rule:"))
         pressed = None if task.function == CUE else task.key_at
         return Origin(task.id, by, via, pressed, None if pressed is None else task.submitted)
 
     def _extend(self, before: Origin, task: TaskView) -> Origin:
-        """Go one step on: to a consequence, or to a repetition, which has a cause but is not requested by a rule."""
+        """Extend the chain by a consequence, or by a repetition, which has a cause but is not requested by a rule."""
         rules = [*before.via, *task.via]
         if actor_of(task.source) == "rule":
             rules.append(task.source.removeprefix("rule:"))
@@ -223,11 +222,11 @@ def _share_words(task: TaskView) -> None:
 
 
 class ActCollector:
-    """A collector of acts and cues. Give it a session's records in their order."""
+    """Collects acts and cues. Give it a session's records in their order."""
 
     def __init__(self, scenario: Scenario | None) -> None:
         """
-        :param scenario: the session's scenario; None: it cannot be loaded, and the core actions give the channels.
+        :param scenario: the session's scenario; None: it cannot be loaded, so the core actions define the channels.
         """
         self._scenario = scenario
         self._specs = specs_of(scenario)
@@ -296,7 +295,7 @@ class ActCollector:
             self._cues.append(Cue(at=record.at, source=record.source, text=record.text))
             return
         if not self._cues:
-            return  # the record of the cue itself cannot be read
+            return  # the cue's own record is unreadable
         index = len(self._cues) - 1
         if record.status == "undone":
             self._cues[index] = replace(self._cues[index], undone_at=record.t)
@@ -304,13 +303,13 @@ class ActCollector:
             (self._answers if record.status == "answered" else self._bridges).setdefault(record.task, index)
 
     def _heard_answers(self) -> dict[int, int]:
-        """Return the index of its cue for each task that answered one, with `_heard_attempt` instead of the first."""
+        """Return the cue's index for each task that answered one, from its `_heard_attempt`."""
         return {self._heard_attempt(task): index for task, index in self._answers.items()}
 
     def _heard_attempt(self, first: int) -> int:
-        """Return the first attempt at an act that the robot confirmed as an answer, or the first one of all.
+        """Return the first attempt at an act that the robot confirmed as an answer; otherwise the first attempt.
 
-        A repetition that began to answer a later cue is none of an earlier one.
+        A repetition that answers a later cue is no attempt for an earlier one.
         """
         attempts = [first]
         while (again := self._repetitions.get(attempts[-1])) in self._tasks and again not in self._answers:
@@ -367,7 +366,7 @@ def specs_of(scenario: Scenario | None) -> Mapping[str, ActionSpec]:
 
 
 def parts_of(task: TaskView, specs: Mapping[str, ActionSpec]) -> tuple[ActPart, ...]:
-    """Return the actions of an act as the robot did them. It does not confirm the engine's own, such as pauses."""
+    """Return an act's actions on the robot, without the engine's own, such as pauses."""
     return tuple(_part(action, specs.get(action.sent_as or action.type)) for action in task.actions.values())
 
 
@@ -387,14 +386,14 @@ def _part(action: ActionView, spec: ActionSpec | None) -> ActPart:
 
 
 def confirmed_at(parts: Iterable[ActPart]) -> tuple[float | None, float | None]:
-    """Return when the robot accepted the first of an act's actions, and the first that uses the voice."""
+    """Return when the robot confirmed the first of an act's actions, and the first that uses the voice."""
     found = [(part.accepted_at, part.channels) for part in parts if part.accepted_at is not None]
     voiced = (at for at, channels in found if SPEECH_CHANNEL in channels)
     return min((at for at, _ in found), default=None), min(voiced, default=None)
 
 
 def telling_text(parameters: Mapping[str, Any]) -> str:
-    """Describe an action in a few words: what it says, or its most informative parameter.
+    """Describe an action in a few words: its spoken text, or its most informative parameter.
 
     >>> telling_text({"message": "<speak>Hello<break time='1s'/>you</speak>"}), telling_text({"value": "nod"})
     ('Hello you', 'nod')

@@ -1,4 +1,4 @@
-"""Agreement of people who judged the same things: percent, kappa, alpha, ICC, limits of agreement; and of wizards.
+"""Agreement of raters (percent, kappa, alpha, ICC, limits of agreement), and of wizards.
 
 There are five formulas from the literature. Tests compare them with published data sets and four libraries, which
 cannot be dependencies (two are under the GPL). An undefined statistic has a sentence instead of a number:
@@ -36,7 +36,7 @@ class Estimate(Struct, frozen=True, kw_only=True):
     """One statistic of a sample."""
 
     value: float | None = None
-    """None: it is undefined here."""
+    """None: it is undefined for this sample."""
     error: float | None = None
     """The standard error."""
     low: float | None = None
@@ -45,7 +45,7 @@ class Estimate(Struct, frozen=True, kw_only=True):
     n: int = 0
     """The number of units, or of pairs of judgements."""
     why: str = ""
-    """A sentence on why there is no value or no interval."""
+    """The reason why there is no value or no interval, as a sentence."""
 
 
 class Differences(Struct, frozen=True, kw_only=True):
@@ -57,7 +57,7 @@ class Differences(Struct, frozen=True, kw_only=True):
     """The standard deviation of the differences."""
     low: float | None = None
     high: float | None = None
-    """The limits of agreement: 95 % of the differences are between them, if they are normally distributed."""
+    """The limits of agreement: 95 % of normally distributed differences are between them."""
     why: str = ""
 
 
@@ -113,13 +113,12 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
 
 
 def krippendorff_alpha(units: Sequence[Sequence[Value | None]]) -> Estimate:
-    """Compute Krippendorff's alpha of nominal values for any number of raters, even if some have not judged everything.
+    """Compute Krippendorff's alpha of nominal values for any number of raters, with missing judgements.
 
     It is 1 minus the observed disagreement divided by the disagreement expected if the given values were assigned by
     chance; 0 is chance, 1 is perfect.
 
-    :param units: for each unit one value of each rater, None where there is none. Units with fewer than two values are
-        left out.
+    :param units: for each unit one value of each rater, None if missing. Units with fewer than two values are ignored.
     :return: without error or interval; `n` is the number of units used.
     """
     paired = [[value for value in unit if value is not None] for unit in units]
@@ -277,7 +276,7 @@ def _beta_share(x: float, a: float, b: float) -> float:
 ALL = ""
 """The group of all units."""
 FEW = 30
-"""With fewer units, statistics of two wizards are hardly more than an anecdote."""
+"""With fewer units, the intervals of two wizards are wide, and that of kappa is too narrow."""
 
 
 NO_TIMES = "there is no cue to which all of them did something"
@@ -303,7 +302,7 @@ class PairStatistics(Struct, frozen=True, kw_only=True):
     confusion: tuple[CellCount, ...]
     """The most frequent pair first."""
     icc: Estimate
-    """ICC(A,1) of the latencies where both did something."""
+    """ICC(A,1) of the latencies of cues to which both reacted."""
     latency: Differences
     """Latency of the second wizard minus that of the first, in seconds."""
 
@@ -314,10 +313,10 @@ class GroupStatistics(Struct, frozen=True, kw_only=True):
     group: str
     """The condition. Empty: all units."""
     units: int
-    """The number of units that at least two have judged."""
+    """The number of units that at least two wizards have judged."""
     alpha: Estimate
     icc: Estimate
-    """ICC of all wizards, over the cues on which each of them did something."""
+    """ICC of all wizards, over the cues to which each of them reacted."""
     pairs: tuple[PairStatistics, ...]
 
 
@@ -325,7 +324,7 @@ class AgreementReport(Struct, kw_only=True):
     """The result of a comparison."""
 
     wizards: list[str] = field(default_factory=list)
-    """Those who ran sessions come first, then those who judged."""
+    """First the wizards who ran sessions, then those who judged."""
     cues: list[JudgedCue] = field(default_factory=list)
     groups: list[GroupStatistics] = field(default_factory=list)
     """All cues first, then each condition if there are several."""

@@ -1,7 +1,8 @@
 """The course of a session: interruptions, the states of its rules, and single events.
 
-Interruptions are when a session had no engine, its computer was suspended, its engine stood still, or everything was
-stopped. They tell which durations are affected."""
+A session is interrupted while it has no engine, its computer is suspended, its engine stands still, or everything is
+stopped. Durations across an interruption are marked.
+"""
 
 from __future__ import annotations
 
@@ -54,26 +55,25 @@ from rise_engine.session.labels import downtime_by_clock
 _KINDS: tuple[InterruptionKind, ...] = ("outage", "standstill", "stop")
 """The worst first."""
 PARTLY_WITH = {"standstill": "the engine at a standstill", "stop": "everything stopped"}
-"""What a duration says that was interrupted. That of an outage says its seconds."""
+"""How a duration names an interruption. For an outage, it gives the seconds instead."""
 
 
 class OutageCollector:
-    """A collector of interruptions. Give it a session's records in their order."""
+    """Collects interruptions. Give it a session's records in their order."""
 
     def __init__(self, speed: float = 1.0) -> None:
         """`speed`: session seconds per second of the wall clock."""
         self._speed = speed
         self.outages: list[Outage] = []
-        """Those whose length is known."""
+        """Outages of known length."""
         self._before: AnyRecord | None = None
         self._found: list[Interruption] = []
-        """All interruptions but the stop in force."""
+        """All interruptions except the current stop."""
         self._stopped_at: float | None = None
-        """When everything was stopped. None: it is not."""
+        """When everything was stopped. None: it is not stopped."""
 
     def add(self, record: AnyRecord) -> float | None:
-        """Take the next record. Returns the length of the outage that it ended, in seconds; None: it ended none, or the
-        length is not known."""
+        """Add the next record. Returns the seconds of the outage that it ended; None: none, or of unknown length."""
         before, self._before = self._before, record
         if isinstance(record, StopRecord):
             self._add_stop(record)
@@ -89,7 +89,7 @@ class OutageCollector:
         self._found.append(Interruption(kind="outage", at=record.t, until=record.t))
         if before is None:
             return None
-        # The wall clock is hidden at some levels, and the number is the same at all.
+        # Some levels hide the wall clock; the result must be the same at all levels.
         away = downtime_by_clock(before, record, self._speed) if record.downtime is None else record.downtime
         if away is None or away < -1.0:  # the computer's clock was set back meanwhile
             return None
@@ -101,12 +101,12 @@ class OutageCollector:
             if self._stopped_at is not None:
                 self._found.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
             self._stopped_at = None
-        elif self._stopped_at is None and record.source != ENGINE:  # its own stop ends the session
+        elif self._stopped_at is None and record.source != ENGINE:  # the engine's own stop ends the session
             self._stopped_at = record.t
 
     @property
     def downtime(self) -> float | None:
-        """Wall-clock seconds of all outages. None: the length of one is not known."""
+        """Wall-clock seconds of all outages. None: the length of one is unknown."""
         if len(self.outages) < sum(each.kind == "outage" for each in self._found):
             return None
         return round(sum((each.seconds for each in self.outages), 0.0), 6)
@@ -121,8 +121,7 @@ class OutageCollector:
 def interruption_between(
     interruptions: Iterable[Interruption], start: float | None, end: float | None
 ) -> InterruptionKind | None:
-    """Return what interrupted the time from `start` to `end`, of several the worst. None: nothing, or one of the two is
-    not known.
+    """Return the worst interruption between `start` and `end`. None: there is none, or one of the two times is unknown.
 
     >>> stop = Interruption(kind="stop", at=2.0, until=3.0)
     >>> interruption_between([stop], 1.0, 2.5), interruption_between([stop], 3.0, 4.0)
@@ -152,7 +151,7 @@ def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: 
 
 
 def wall_seconds(lasted: float | None, away: float | None, speed: float) -> float | None:
-    """Return a duration by the wall clock. None: it is as in session time, or not known.
+    """Return a duration by the wall clock. None: it equals session time, or is unknown.
 
     :param lasted: session seconds.
     :param away: wall-clock seconds without an engine meanwhile.
@@ -186,11 +185,11 @@ def seconds_away(outages: Iterable[Outage], at: float) -> float:
 STEPPED_BACK = "stepped back"
 _INTERRUPTED = "interrupted by "
 _BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
-"""Excludes stops of everything, which do not repair an act."""
+"""Does not match stops of everything, which do not repair an act."""
 
 
 _OF_CONDITION = frozenset({"study", "condition"})
-"""Sources of the memory values with which the condition begins the session."""
+"""Sources of the initial memory values of a condition."""
 
 
 class _Open(Struct):
@@ -204,13 +203,13 @@ class _Open(Struct):
 
 
 class PhaseCollector:
-    """A collector of the states of rules. Give it a session's records in their order."""
+    """Collects the states of rules. Give it a session's records in their order."""
 
     def __init__(self) -> None:
         self._open: dict[str, _Open] = {}
         self._phases: list[Phase] = []
         self._sources: dict[str, str] = {}
-        """Who started each rule last."""
+        """The source that last started each rule."""
         self._begun: set[str] = set()
         """Rules that have started but not entered their first state."""
         self.stepped_back = 0
@@ -225,7 +224,7 @@ class PhaseCollector:
     def phases(self, end: float) -> tuple[Phase, ...]:
         """Return every phase in the order of their starts.
 
-        :param end: the end of the record, for the rules' last states.
+        :param end: the end of the record, which ends the rules' last states.
         """
         left = [self._phase(rule, each, end, "") for rule, each in self._open.items()]
         return tuple(sorted((*self._phases, *left), key=lambda each: each.start))
@@ -264,17 +263,17 @@ class PhaseCollector:
 
 
 class PointCollector:
-    """A collector of single events. Give it a session's records in their order."""
+    """Collects single events. Give it a session's records in their order."""
 
     def __init__(self) -> None:
         self._points: list[Point] = []
         self._marks: dict[int, int] = {}
-        """For each task, the index of the point with its mark. The last mark counts, and `none` removes it."""
+        """For each task, the index of the point with its mark. The last mark counts; `none` removes it."""
         self._ending = False
-        """Whether the last stop was the engine's own at the session's end, which is not a person's stop."""
+        """Whether the last stop was the engine's own at the session's end, not a person's."""
 
     def add(self, record: AnyRecord, outage: float | None = None) -> None:
-        """Take the next record. `outage`: the seconds without an engine that it ended."""
+        """Add the next record. `outage`: the seconds without an engine that it ended."""
         if isinstance(record, MistakeRecord):
             if (before := self._marks.pop(record.task, None)) is not None:
                 self._points[before] = replace(self._points[before], name="")
@@ -291,14 +290,13 @@ class PointCollector:
             self._points.append(point if outage is None else replace(point, outage_s=outage))
 
     def points(self) -> tuple[Point, ...]:
-        """Return all points in the order of the record, without removed and replaced marks. A sync mark has the time
-        when it began, which is before its record."""
+        """Return all points in the order of the record, without removed and replaced marks. A sync mark has the time of
+        its start, which is before its record."""
         return tuple(point for point in self._points if point.kind != "mistake" or point.name)
 
 
 class ConditionCollector:
-    """A collector of the memory keys of a session's condition that a wizard sets to another value. Give it the records
-    in their order."""
+    """Collects the memory keys of a condition that a wizard changed. Give it a session's records in their order."""
 
     def __init__(self) -> None:
         self._given: dict[str, Any] = {}
@@ -316,13 +314,13 @@ class ConditionCollector:
                 self._changed.setdefault(key, record.t)
 
     def keys(self) -> dict[str, float]:
-        """Return the keys with the session times at which they were first changed."""
+        """Return the keys with the session times of their first changes."""
         return dict(self._changed)
 
 
 def _point_of(record: AnyRecord) -> Point | None:
     def point(kind: PointKind, name: str, value: str = "", source: str = "", task: int | None = None) -> Point:
-        # Each record has its own copies of texts. A long session has hundreds of thousands of the same few.
+        # Share equal texts: a long session has hundreds of thousands of copies of a few.
         return Point(at=record.t, kind=kind, name=intern(name), value=value, source=intern(source), task=task)
 
     match record:
@@ -372,7 +370,7 @@ def count_repairs(
     :param records: the session's records.
     :param acts: its acts.
     :param stepped_back: how often a rule was moved back to an earlier state.
-    :param fillers: the acts that the scenario calls fillers.
+    :param fillers: the scenario's filler acts.
     """
     counts = Counter(
         (type(each), each.status) for each in records if isinstance(each, FailureRecord | CueRecord | StopRecord)
@@ -388,8 +386,7 @@ def count_repairs(
 
 
 def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct], fillers: Collection[str]) -> bool:
-    """Whether a wizard stopped an act after its start, or replaced it by another act. A filler gives way to the answer
-    as it should."""
+    """Whether a wizard stopped an act after its start, or replaced it. An answer may replace a filler."""
     if act.status != "CANCELED" or act.started_at is None:
         return False
     if (found := _BY_WIZARD.search(act.reason)) is not None:

@@ -1,8 +1,8 @@
-"""The decisions of several wizards on the same cues: of the one who ran the session, and of those who judged it later.
+"""The decisions of several wizards on the same cues: the one who ran the session, and those who judged it later.
 
 A decision is a wizard's first request after a cue that is not a filler, mark or note: an act, an event, a rule, a
-value, speech, a stop. A request before the cue counts if its act answered the cue. Doing nothing until the next cue is
-a decision too (`NOTHING`). Free speech is `say`, whatever its words.
+value, speech, a stop. A request before the cue counts if its act answered the cue. No request until the next cue is a
+decision, too (`NOTHING`). Free speech is `say`, whatever its words.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from rise_engine.session.shadow import (
 )
 
 _ROUNDED = 0.001
-"""Seconds by which the times of one cue can differ."""
+"""Maximum difference in seconds between two times of one cue."""
 NOTHING = "(nothing)"
-"""The decision of a wizard who did nothing until the cue was over."""
+"""The decision of a wizard who requested nothing until the cue was over."""
 ACT, SAY, EVENT, SET = "startCommunicationRobotAct", "say", "raiseEventTopic", "assignValue"
 _WORDS = {
     "stopCommunicationRobotAct": "stop",
@@ -58,7 +58,7 @@ _WORDS = {
 }
 _WHY_INTERRUPTED: dict[InterruptionKind, str] = {"outage": "no engine", "standstill": "standstill", "stop": "stopped"}
 _WITHOUT_NAME = frozenset({"cancelTask", "stopAll", "goOn", "repeatAct", "stopRuleOfAct"})
-"""Functions whose behaviour is the number of a task, or empty."""
+"""Functions whose behaviour is a task's number, or empty."""
 
 
 class Decision(Struct, frozen=True):
@@ -66,10 +66,9 @@ class Decision(Struct, frozen=True):
 
     label: str
     latency: float | None = None
-    """Seconds from the cue to the key. None: nothing was done, or the time is meaningless (see `why`)."""
+    """Seconds from the cue to the key. None: there was no key, or the time is meaningless (see `why`)."""
     why: str = ""
-    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`, `standstill`,
-    `stopped`."""
+    """Why there is no latency: `paused`, `another speed`, `before the cue`, `no engine`, `standstill`, `stopped`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
@@ -77,14 +76,14 @@ class JudgedCue(Struct, frozen=True, kw_only=True):
 
     facts: SessionFacts
     number: int
-    """The number of the cue in its session, from 1. Undone cues are counted but left out."""
+    """The number of the cue in its session, from 1. Undone cues are counted but omitted."""
     at: float
     decisions: dict[str, Decision]
     """By the wizard's name, without wizards who did not see the cue."""
 
 
 class MarkedAct(Struct, frozen=True, kw_only=True):
-    """Something that the session's wizard did, with the marks of everybody who marks mistakes."""
+    """A request of the session's wizard, with all wizards' marks of mistakes."""
 
     facts: SessionFacts
     task: int
@@ -94,7 +93,7 @@ class MarkedAct(Struct, frozen=True, kw_only=True):
 
 
 class JudgedSession(Struct, kw_only=True):
-    """One session with those who judged it."""
+    """One session with its judges."""
 
     live: str
     """The wizard who ran it. Several are joined by ` + `."""
@@ -118,7 +117,7 @@ class _Window(Struct):
 
 
 def decision_label(scenario: Scenario | None, function: str, behavior: str) -> str:
-    """Name a decision in a few words without typed values.
+    """Describe a decision in a few words without typed values.
 
     :param scenario: the session's scenario; None if it cannot be read.
     :param function: the task's function.
@@ -205,7 +204,7 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
 
 
 def wizards_of(data: SessionData) -> list[str]:
-    """Return the names of everybody who ran, judged or marked a session."""
+    """Return the names of all who ran, judged or marked a session."""
     marking = (_person(each.source) for each in data.records if isinstance(each, MistakeRecord))
     judging = (each.header.wizard for each in read_shadows(data.folder)[0])
     return list(dict.fromkeys([*_live_names(data), *judging, *marking]))
@@ -226,7 +225,7 @@ def _person(source: str) -> str:
 
 
 def _live_names(data: SessionData) -> list[str]:
-    """Return the wizards who requested anything, in order; if none did, those who had control."""
+    """Return the wizards who requested anything, in order; if there are none, those who had control."""
     acted = dict.fromkeys(
         _person(each.source)
         for each in data.records
@@ -284,7 +283,7 @@ def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
 
 
 def _why_of_another(shadow: Shadow, shown: Mapping[int, float]) -> str:
-    """Say why a shadow is of another session: it was shown another cue. Empty: it was not.
+    """Return why a shadow belongs to another session: it was shown another cue. Empty: it does not.
 
     :param shown: the session time of each cue's record, by its `seq`.
     """
@@ -301,7 +300,7 @@ def _why_of_another(shadow: Shadow, shown: Mapping[int, float]) -> str:
 def _judges(
     shadows: list[Shadow], live: list[str], names: Mapping[str, str], session: JudgedSession, name: str
 ) -> dict[str, Shadow]:
-    """Return the judges by name. Of a wizard's several shadows, the last complete one counts, or else the last one."""
+    """Return the judges by name. Of a wizard's several shadows, the last complete one counts; otherwise the last."""
     found: dict[str, Shadow] = {}
     for shadow in shadows:
         judge = names.get(shadow.header.wizard, shadow.header.wizard)
@@ -332,7 +331,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None, cues: Mapping[i
             case ShadowCue():
                 if cue is not None and line.cue != cue.cue:
                     decisions.setdefault(cue.cue, Decision(NOTHING))
-                decisions.pop(line.cue, None)  # shown again: earlier keys no longer count
+                decisions.pop(line.cue, None)  # the cue was shown again, so earlier keys no longer count
                 cue, paused = line, False
             case ShadowPause():
                 paused = True
@@ -352,7 +351,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None, cues: Mapping[i
 def _marked_acts(
     data: SessionData, scenario: Scenario | None, judges: Mapping[str, Shadow], names: Mapping[str, str]
 ) -> list[MarkedAct]:
-    """Return the wizard's keys that led to acts, and everything else that was marked, with the marks of all."""
+    """Return the wizard's keys that led to acts, and all other marked requests, with all wizards' marks."""
     coders: dict[str, dict[int, Mark]] = {}
     for record in data.records:
         if isinstance(record, MistakeRecord):

@@ -1,9 +1,9 @@
-"""Markers: each event of a session in a few words, for programs that align it with an EEG or a video.
+"""Markers: the events of a session in a few words, for programs that align it with an EEG or a video.
 
     act/R_Welcome/by-wizard     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
 
-They contain names from the scenario and nothing that people said or typed, so they may be sent unencrypted. All of
-them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` are the same.
+They contain names from the scenario and nothing that people said or typed, so they may be sent unencrypted.
+docs/reference/markers.md lists them. The live stream (`rise-engine lsl`) and `--format xdf` use the same markers.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from rise_engine.results.analysis.model import SessionData, SessionFacts, actor_
 from rise_engine.scenario.model import ActionSpec, Scenario
 
 OTHER = "other"
-"""Replaces a name that the scenario does not have and somebody may have typed."""
+"""Replaces names that are not in the scenario, because a person may have typed them."""
 _MOMENTS = {
     "PENDING": "accepted",
     "ACTIVE": "started",
@@ -53,7 +53,7 @@ _TYPED_BY = ("wizard:", "observer:")
 
 
 class MarkerWords:
-    """A converter from records to markers. Give it a session's records in their order."""
+    """Converts records to markers. Give it a session's records in their order."""
 
     def __init__(
         self,
@@ -63,8 +63,7 @@ class MarkerWords:
     ) -> None:
         """
         :param specs: the actions of the session's robot.
-        :param is_known: whether an act or a topic (without its slash) is in the scenario; other names that people gave
-            are not shown.
+        :param is_known: whether an act or a topic (without its slash) is in the scenario; other names are not shown.
         :param hide: removes private values from other names.
         """
         self._specs = specs
@@ -76,7 +75,7 @@ class MarkerWords:
         """All tasks so far, for their causes."""
 
     def skip_to(self, view: SessionView) -> None:
-        """Start in a running session. Everything in `view` is past and gets no markers."""
+        """Start in a running session. The events in `view` are past and get no markers."""
         self._tasks = {id: deepcopy(view.tasks[id]) for id in (*view.running, *view.waiting) if id in view.tasks}
         self._requests = dict(view.tasks)
 
@@ -156,7 +155,7 @@ def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
 
 
 def describe_session(facts: SessionFacts) -> dict[str, str]:
-    """Return a stream's description of its session. Unknown values are left out."""
+    """Return a stream's description of its session, without unknown values."""
     found = {
         "session": facts.session,
         "participant": facts.participant,
@@ -176,5 +175,5 @@ def describe_session(facts: SessionFacts) -> dict[str, str]:
 
 
 def source_id(study: str, session: str) -> str:
-    """Return an id that distinguishes a session's stream from all others, also after a restart of its process."""
+    """Return an id of a session's stream that is unique, and the same after a restart of its process."""
     return "/".join(each for each in ("rise", study, session) if each)

@@ -1,7 +1,7 @@
-"""The types for what happened in a session. Every export and every report is made from these only.
+"""The types for the events of a session. Every export and every report uses only these.
 
-Times are seconds on the session's clock (`t` of a record), or None if something did not happen. What an export level
-hides (`rise_engine.privacy.levels`) is absent: the level is applied once, when a session is read.
+Times are seconds on the session's clock (`t` of a record), or None if the event did not happen. Values that the export
+level hides (`rise_engine.privacy.levels`) are absent: the level is applied when a session is read.
 """
 
 from __future__ import annotations
@@ -28,51 +28,50 @@ from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.media import MediaFile
 
 ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
-"""The kind of requester. program: a node, a client, the command line."""
+"""The kind of requester. program: a ROS node, a client, the command line."""
 _COMMAND_LINE = "wizard:command-line"
 WaitPart: TypeAlias = Literal["wizard_s", "way_s", "rules_s", "queue_s", "robot_s", "voice_s"]
 WAIT_PARTS: tuple[WaitPart, ...] = get_args(WaitPart)
 """The parts of the time until the robot acts, in their order."""
 InterruptionKind: TypeAlias = Literal["outage", "standstill", "stop"]
-"""outage: the session had no engine, or its computer was suspended; standstill: the engine stood still, or could record
-nothing; stop: everything was stopped."""
+"""outage: no engine, or a suspended computer; standstill: the engine stood still; stop: everything was stopped."""
 
 
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     """The facts of a whole session, repeated in every row of a table."""
 
     session: str
-    """The folder's name as the level shows it, unique among the sessions that are exported together."""
+    """The folder's name at the level, unique among the sessions of an export."""
     run_as: str = ""
     """The participant under whom it was run, if the study's log has reassigned it. `withdrawn`: they have withdrawn."""
     mode: str = ""
-    """debug: the robot was simulated; these are not a participant's data."""
+    """debug: the robot was simulated; these are no participant's data."""
     outcome: OutcomeStatus | None = None
     """None: there is no outcome."""
     outcome_reason: str = ""
     title: str = ""
     scenario_hash: str = ""
     changed_to: tuple[str, ...] = ()
-    """The hashes of changed files with which it went on (`rise-engine take-over`), in their order."""
+    """The hashes of changed files with which it continued (`rise-engine take-over`), in their order."""
     changed_keys: dict[str, float] = field(default_factory=dict)
-    """Memory keys of its condition that a wizard set to another value, with the session times of the first change."""
+    """Memory keys of its condition that a wizard changed, with the session times of their first changes."""
     language: str = ""
-    """The language of everything that was said (BCP 47). Empty: the scenario does not name one."""
+    """The language of the spoken texts (BCP 47). Empty: the scenario does not set one."""
     robot: str = ""
     driver: str = ""
-    """The connection to the robot: `simulated` moves no robot, in any mode. Empty: not known."""
+    """The driver of the robot: `simulated` moves no robot, in any mode. Empty: unknown."""
     injected_faults: tuple[str, ...] = ()
-    """The errors that the simulated robot was asked to make."""
+    """The faults that the simulated robot was told to inject."""
     seed: int = 0
     speed: float = 1.0
     started: str = ""
-    """ISO 8601 with offset. Empty where the level shows no times of day."""
+    """ISO 8601 with offset. Empty: the level hides times of day."""
     duration: float = 0.0
     """Seconds until its last record."""
     ended: bool = False
     """Whether the record has an end."""
     downtime: float | None = 0.0
-    """Wall-clock seconds without an engine (`Outage`), which session time does not include. None: not known."""
+    """Wall-clock seconds without an engine (`Outage`), which session time does not include. None: unknown."""
     recoveries: int = 0
     versions: dict[str, str] = field(default_factory=dict)
 
@@ -83,7 +82,7 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
 
 
 class ActPart(Struct, frozen=True, kw_only=True):
-    """One action of an act as the robot did it."""
+    """One action of an act on the robot."""
 
     action: str
     """Its actionID within the act."""
@@ -93,25 +92,25 @@ class ActPart(Struct, frozen=True, kw_only=True):
     """The robot's channels that it uses: speech, gaze, face, body, arms. Empty: it only waits, or they are unknown."""
     parameters: dict[str, Any]
     text: str
-    """What it says, or its most informative parameter, in a few words. Empty: none."""
+    """Its spoken text, or its most informative parameter, in a few words. Empty: none."""
     accepted_at: float | None
     """When the robot confirmed it."""
     ended_at: float | None
     status: ActionStatus
-    """The final status; `started` or `accepted` where the record ends before that."""
+    """The final status; `started` or `accepted` if the record ends before that."""
     started_at: float | None = None
     """When it was sent to the robot, or began to wait. None: it ended before that (`skipped`, `failed`)."""
 
     @property
     def known_end(self) -> float | None:
-        """When it ended on the robot. None: it had not, or nobody knows when (`lost`, `timed-out`)."""
+        """When it ended on the robot. None: it had not ended, or its end is unknown (`lost`, `timed-out`)."""
         return None if self.status in ("lost", "timed-out") else self.ended_at
 
 
 class PlayedAct(Struct, frozen=True, kw_only=True):
     """One act (or free speech) from its request to its end, with the parts of its latency.
 
-    Every task that requested an act is included, also if it was rejected or its turn never came.
+    Requests that were rejected or whose turn never came are included.
     """
 
     task: int
@@ -120,18 +119,17 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     source: str
     """The requester as in the record: `wizard:anna`, `rule:Greeting`."""
     by: str
-    """The source of its cause, traced through any number of rules (`causes`).
-    `rule:NAME`: the rule acted by itself, for example after a time."""
+    """The source of its cause, through any number of rules (`causes`). `rule:NAME`: the rule acted by itself."""
     origin: int | None = None
     """The task of its cause."""
     via: tuple[str, ...] = ()
     """The rules between `by` and this act, in their order."""
     actor: ActorKind
-    """The kind of the source `by`."""
+    """The kind of `by`."""
     status: TaskStatus
     reason: str = ""
     filler: bool
-    """Whether it bridged the time after a cue and did not answer it."""
+    """Whether it bridged the time after a cue instead of answering it."""
     cue: int | None = None
     """The number of the cue that it answers or bridges, from 1."""
     cue_at: float | None
@@ -139,7 +137,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     key_at: float | None
     """When the key that caused it was pressed."""
     taken_at: float | None = None
-    """When the engine took that key's own request, which may have been that of a rule or an event."""
+    """When the engine accepted that key's own request, which may have been for a rule or an event."""
     accepted_at: float
     """When the engine accepted it."""
     started_at: float | None
@@ -152,29 +150,28 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     response_outage_s: float | None = None
     """Seconds without an engine between its cue and its answer. None: none."""
     response_interrupted: InterruptionKind | None = None
-    """What interrupted the wait between its cue and its answer. None: nothing."""
+    """The interruption between its cue and its answer. None: none."""
     mark: Mark | None = None
-    """The mistake that a wizard marked on it, or on the key that first led to it. None: no mistake."""
+    """The mistake that a wizard marked on it, or on the key that first led to it. None: none."""
     parts: tuple[ActPart, ...] = ()
     speaks: bool = False
     """Whether one of its actions uses the voice."""
 
     @property
     def words(self) -> str:
-        """The words that it says."""
+        """Its spoken words."""
         return " ".join(part.text for part in self.parts if "speech" in part.channels and part.text)
 
     @property
     def before_cue(self) -> bool:
-        """Whether it was requested before the cue and had its turn after it. It is no reaction to the cue, so
+        """Whether it was requested before the cue and had its turn after it. Then it is no reaction to the cue:
         `wizard_s`, `way_s` and `rules_s` are None, and `queue_s` begins at the cue."""
         asked = self.key_at if self.key_at is not None else self.accepted_at
         return self.cue_at is not None and asked < self.cue_at
 
     @property
     def answer_s(self) -> float | None:
-        """Seconds from cue to answer, without fillers, acts requested before the cue, and interrupted waits. Medians
-        and shares use this."""
+        """Seconds from cue to answer; None for fillers, acts requested before the cue, and interrupted waits."""
         return None if self.filler or self.before_cue or self.response_interrupted else self.response_s
 
     def ends_of(self, part: WaitPart) -> tuple[float | None, float | None]:
@@ -208,18 +205,18 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
 
     @property
     def way_s(self) -> float | None:
-        """Seconds from the key to the engine: until it took the key's own request."""
+        """Seconds from the key until the engine accepted the key's own request."""
         return seconds_between(*self.ends_of("way_s"))
 
     @property
     def rules_s(self) -> float | None:
-        """Seconds from there (or from the cue, if no key was pressed) until the act was requested: what rules did and
-        waited for before, and attempts that failed. 0 if the key requests the act."""
+        """Seconds from there (or from the cue, without a key) until the act was requested: work and waits of rules, and
+        failed attempts. 0 if the key requests the act."""
         return seconds_between(*self.ends_of("rules_s"))
 
     @property
     def queue_s(self) -> float | None:
-        """Seconds in the queue, counted from the cue if that came later."""
+        """Seconds in the queue, counted from the cue if the cue came later."""
         return seconds_between(*self.ends_of("queue_s"))
 
     @property
@@ -256,24 +253,24 @@ class WizardKey(Struct, frozen=True, kw_only=True):
     act: int | None = None
     """The first act that it caused."""
     mark: Mark | None = None
-    """The mistake marked on it, or on an act that it led to. None: no mistake."""
+    """The mistake marked on it, or on an act that it caused. None: none."""
 
 
 CueState: TypeAlias = Literal["answered", "unheard", "undone", "open"]
-"""unheard: an act began to answer it, and ended before the robot confirmed its answer; open: nothing answered it."""
+"""unheard: an act began to answer it, but ended before the robot confirmed its answer; open: it was not answered."""
 
 
 class Cue(Struct, frozen=True, kw_only=True):
-    """The end of a participant's turn, as somebody marked it."""
+    """The end of a participant's turn, as a person or program marked it."""
 
     at: float
-    """When the cue's key was pressed. Without a key: when the engine took it."""
+    """When the cue's key was pressed. Without a key: when the engine accepted the cue."""
     source: str
     text: str = ""
     filled_at: float | None = None
     """When the robot confirmed the first filler."""
     answered_at: float | None = None
-    """When the robot began to answer (`PlayedAct.response_s` later). None: there was no answer, or it was undone."""
+    """When the robot began to answer (`PlayedAct.response_s` later). None: no answer, or the cue was undone."""
     task: int | None = None
     """The act that answered."""
     answer_s: float | None = None
@@ -282,7 +279,7 @@ class Cue(Struct, frozen=True, kw_only=True):
 
     @property
     def state(self) -> CueState:
-        """What became of it."""
+        """The state of the cue."""
         if self.undone_at is not None:
             return "undone"
         if self.answered_at is not None:
@@ -291,7 +288,7 @@ class Cue(Struct, frozen=True, kw_only=True):
 
 
 class CodedAnnotation(Struct, frozen=True, kw_only=True):
-    """An annotation that people made in ELAN or BORIS (`rise_engine.session.coded`)."""
+    """An annotation from ELAN or BORIS (`rise_engine.session.coded`)."""
 
     tier: str
     annotator: str = ""
@@ -307,25 +304,23 @@ class CodedAnnotation(Struct, frozen=True, kw_only=True):
     outage_s: float | None = None
     """Seconds without an engine meanwhile, in which session time stood still. None: none."""
     robot_overlap_s: float | None = None
-    """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech, or it has `outage_s`.
-    """
+    """Seconds in which the robot spoke meanwhile. None: not the participant's speech, or with `outage_s`."""
     gap_s: float | None = None
-    """Seconds from the end of the robot's speech before it, to its start. Negative: the robot still spoke. None: the
-    robot had not spoken, nobody knows when its speech ended, the session had no engine in between, or the tier is not
-    the participant's speech."""
+    """Seconds from the end of the robot's previous speech to its start. Negative: the robot still spoke. None: no such
+    speech, its end is unknown, an outage in between, or not the participant's speech."""
 
 
 class Outage(Struct, frozen=True, kw_only=True):
-    """A time between two engines, or while the computer was suspended: session time stood still."""
+    """A time between two engines, or while the computer was suspended. Session time stood still."""
 
     at: float
-    """The session time at which it stood still."""
+    """The session time of the outage."""
     seconds: float
     """Its length by the wall clock; between two engines, from the first one's last sign of life to the recovery."""
 
 
 class Interruption(Struct, frozen=True, kw_only=True):
-    """A time in which nobody could be answered. Durations across it measure neither wizard nor participant."""
+    """A time in which the session could not react. Durations across it measure neither wizard nor participant."""
 
     kind: InterruptionKind
     at: float
@@ -342,11 +337,11 @@ class Phase(Struct, frozen=True, kw_only=True):
     state: str
     start: float
     end: float
-    """For states that were active when the record ended: the end of the session."""
+    """For states that were active at the end of the record: the end of the session."""
     trigger: str
-    """What led to the state."""
+    """The trigger that led to the state."""
     source: str = ""
-    """Who started the rule, for its first state only."""
+    """The source that started the rule, for its first state only."""
     ended_by: str = ""
     """`ended`, `stopped` or `faulted` for the last state of a run of the rule, else empty."""
     stepped_back: bool = False
@@ -370,7 +365,7 @@ PointKind: TypeAlias = Literal[
 
 
 class Point(Struct, frozen=True, kw_only=True):
-    """An event at one moment."""
+    """An event without duration."""
 
     at: float
     kind: PointKind
@@ -385,7 +380,7 @@ class Point(Struct, frozen=True, kw_only=True):
 
 
 class Repairs(Struct, frozen=True):
-    """How often something was repaired during the session."""
+    """Counts of repairs during the session."""
 
     repeated: int = 0
     """Failed acts that were repeated."""
@@ -399,7 +394,7 @@ class Repairs(Struct, frozen=True):
 
     @property
     def total(self) -> int:
-        """The sum without stops, because stopping everything is not yet a repair."""
+        """The sum without stops, because stopping everything does not repair anything yet."""
         return self.repeated + self.stepped_back + self.cues_undone + self.canceled
 
 
@@ -411,27 +406,27 @@ class SessionData(Struct, frozen=True, kw_only=True):
     folder: Path
     """The session's folder, for other files in it. Exports must not show it."""
     records: Iterable[AnyRecord]
-    """All records as the level shows them (`wall` is empty where it hides times of day). A session can have a million,
-    so each iteration reads them from the journal."""
+    """All records at the level (`wall` is empty if it hides times of day). Each iteration reads them from the journal,
+    because there may be a million."""
     acts: tuple[PlayedAct, ...] = ()
     """In the order in which the engine accepted them."""
     cues: tuple[Cue, ...] = ()
     keys: tuple[WizardKey, ...] = ()
     """The requests of wizards in their order."""
     raised: tuple[tuple[float, str], ...] = ()
-    """Events raised by a wizard, or by a rule at the moment when a wizard's key started it, with times."""
+    """Events raised by a wizard, or by a rule at the time when a wizard's key started it, with times."""
     phases: tuple[Phase, ...] = ()
     """All phases, also those without length."""
     outages: tuple[Outage, ...] = ()
-    """Those whose length is known."""
+    """Outages of known length."""
     interruptions: tuple[Interruption, ...] = ()
     """Outages, standstills and stops."""
     points: tuple[Point, ...] = ()
     """In the order of the record."""
     checks: tuple[CheckRecord, ...] = ()
-    """The last one of each id."""
+    """The last record of each id."""
     recordings: tuple[RecordingRecord, ...] = ()
-    """The last one of each name."""
+    """The last record of each name."""
     syncs: tuple[SyncRecord, ...] = ()
     media: tuple[MediaFile, ...] = ()
     """The session's files, only at the level `full`."""
@@ -441,15 +436,15 @@ class SessionData(Struct, frozen=True, kw_only=True):
     scenario: Scenario | None = None
     """The scenario that it ran. None: it cannot be loaded."""
     problems: tuple[str, ...] = ()
-    """Sentences about what could not be read."""
+    """Sentences about unreadable parts."""
 
     def marked_acts(self) -> dict[int, int]:
-        """Return the first act that each marked key caused, by the key's task. A marked act is its own."""
+        """Return the first act that each marked key caused, by the key's task. A marked act maps to itself."""
         return {key.task: key.act for key in self.keys if key.mark is not None and key.act is not None}
 
 
 def seconds_between(earlier: float | None, later: float | None) -> float | None:
-    """Return the seconds between two moments, to the microsecond. None: one of them is not known."""
+    """Return the seconds between two times, to the microsecond. None: one of them is unknown."""
     if earlier is None or later is None:
         return None
     return round(later - earlier, 6)

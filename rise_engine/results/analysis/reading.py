@@ -1,7 +1,7 @@
-"""Reads a session for exports and reports: what happened, in types, at one level.
+"""Reads a session at one level for exports and reports, as the types of `model`.
 
-Nothing else reads a session's journal, session.toml or media.json for an export. So the level is applied once, here,
-and no format can show more than it allows.
+All exports read a session's journal, session.toml and media.json through this module. It applies the level, so no
+format can show more than it allows.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Judgement(Struct, frozen=True):
 
     status: OutcomeStatus
     reason: str
-    """As somebody typed it."""
+    """As a person typed it."""
 
 
 class Judgements(Struct, frozen=True):
@@ -74,7 +74,7 @@ class Judgements(Struct, frozen=True):
     """Participants who do not count, whatever the outcomes of their sessions, with the reasons."""
 
     def of(self, session: str, participant: str) -> Judgement | None:
-        """Return the outcome of a session. None: there is none here.
+        """Return the outcome of a session. None: there is none.
 
         :param session: the folder's name.
         :param participant: the session's participant.
@@ -100,7 +100,7 @@ def read_judgements(study: Path | None) -> Judgements:
 
 @lru_cache(maxsize=4)
 def _read_changed(study: Path, changed: tuple[tuple[int, int], ...]) -> Judgements:
-    """Read the outcomes. Cached while the files are unchanged, because each session of a study asks for them."""
+    """Read the outcomes, cached while the files are unchanged, because each session of a study needs them."""
     try:
         log = read_log(study)
     except StudyLogError:
@@ -126,7 +126,7 @@ _FEW = (
 )
 """Kinds of records of which even a long session has few."""
 UnreadableCallback = Callable[[Path, SessionError], object]
-"""Gets a session's folder and the reason why nothing in it can be read."""
+"""Gets a session's folder and the reason why it is unreadable."""
 
 
 def read_session(
@@ -138,7 +138,7 @@ def read_session(
 ) -> SessionData:
     """Read everything about one session at one level.
 
-    From a running, torn or damaged session, it reads what it can; `problems` has a sentence for what it cannot read.
+    From a running, torn or damaged session, it reads all readable parts; `problems` has sentences about the others.
 
     :param folder: the session's folder.
     :param level: how much is shown (`rise_engine.privacy.levels`).
@@ -157,13 +157,13 @@ def read_sessions(
     wizards: Mapping[str, str] | None = None,
     on_unreadable: UnreadableCallback | None = None,
 ) -> Iterator[SessionData]:
-    """Read several sessions one after the other. Each is read on demand, and none is kept.
+    """Read several sessions one after the other, on demand. None is kept.
 
-    A person has the same code in all sessions, and all sessions have different names.
+    A person has the same code in all sessions, and each session has its own name.
 
     :param folders: the sessions' folders, in the wanted order.
     :param level: as for `read_session`, like `private` and `wizards`.
-    :param on_unreadable: called for a session that cannot be read and is left out; None: SessionError is raised.
+    :param on_unreadable: called for an unreadable session, which is omitted; None: SessionError is raised.
     :raises RelabelledError: two files disagree about a session.
     :raises SessionError: as for `read_session`.
     """
@@ -175,7 +175,7 @@ def read_sessions(
         known = people.setdefault(study, dict(wizard_names(study) if wizards is None else wizards))
         try:
             data, named = _read(folder, level, private, known)
-        except RelabelledError:  # do not leave it out: the other results would be false too
+        except RelabelledError:  # do not omit it: the other results would be false, too
             raise
         except SessionError as error:
             if on_unreadable is None:
@@ -299,7 +299,7 @@ def _facts(
 
 
 def _speed_of(source: SessionRecords) -> float:
-    """Return the speed from the journal, or from session.toml if an old journal lacks it: then the record has 1."""
+    """Return the speed from the journal, or from session.toml for an old journal, whose record has 1."""
     begun, info = source.begun, source.info
     return info.speed if info is not None and (begun is None or begun.speed == 1.0) else begun.speed if begun else 1.0
 
@@ -335,7 +335,7 @@ class RobotSpeech(NamedTuple):
     begin: float
     end: float
     known: bool = True
-    """Whether the robot told when it ended."""
+    """Whether the robot reported its end."""
 
 
 def read_annotations(
@@ -351,9 +351,9 @@ def read_annotations(
     :param folder: the session's folder.
     :param level: the level's filter.
     :param acts: the session's acts.
-    :param interruptions: among them, when it had no engine.
+    :param interruptions: the session's interruptions, including outages.
     :param end: the session's end in seconds.
-    :param problems: gets sentences about what cannot be read.
+    :param problems: gets sentences about unreadable files.
     """
     found: list[CodedAnnotation] = []
     try:
@@ -373,8 +373,8 @@ def read_annotations(
 
 
 def robot_speech(acts: Iterable[PlayedAct], end: float) -> Sequence[RobotSpeech]:
-    """Return when the robot spoke, in order: from the confirmation of a speech action to its end. Pieces that overlap
-    or follow at once are joined.
+    """Return when the robot spoke, in order: from the confirmation of a speech action to its end. Overlapping and
+    adjacent pieces are joined.
 
     :param acts: the session's acts.
     :param end: the session's end, which also ends unfinished speech.
@@ -407,8 +407,8 @@ def coded_annotation(
     :param span: the annotation in session seconds.
     :param file: its file.
     :param level: the level's filter.
-    :param robot: when the robot spoke.
-    :param interruptions: among them, when the session had no engine.
+    :param robot: the robot's speech.
+    :param interruptions: the session's interruptions, including outages.
     """
     had_outage = span.outage or interruption_between(interruptions, span.begin, span.end) == "outage"
     is_speech, told = span.tier in file.speech, told_span(span, file, level)

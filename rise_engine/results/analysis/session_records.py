@@ -1,6 +1,6 @@
 """The records of one session at one level: the only source of a session's contents for exports and reports.
 
-What cannot be read is reported and never invented. Only one record is in memory at a time.
+Unreadable parts are reported, and nothing is invented. Only one record is in memory at a time.
 """
 
 from __future__ import annotations
@@ -26,12 +26,11 @@ from rise_engine.study.labels import reassignment_of, refuse_relabelled
 
 _KEPT_SCENARIOS = 4
 _scenarios: dict[tuple[str, str, str, str], Scenario] = {}
-"""The last scenarios that were loaded, by the hash of their files and by how they were loaded. A study's sessions have
-one or two."""
+"""The last loaded scenarios, by the hash of their files and the arguments. A study's sessions have one or two."""
 
 
 class SessionRecords:
-    """The readable part of a session's record, as a level shows it.
+    """The readable part of a session's record at a level.
 
     >>> from tempfile import TemporaryDirectory
     >>> from rise_engine.kernel.records import NoteRecord
@@ -68,9 +67,9 @@ class SessionRecords:
         self.contents = read_journal(folder / JOURNAL)
         refuse_relabelled(folder)
         self.moved = reassignment_of(folder)
-        """The session's reassignment. None: its labels are the journal's."""
+        """The session's reassignment. None: its labels are those of the journal."""
         self.problems = _describe_unreadable(self.contents)
-        """Sentences about what could not be read."""
+        """Sentences about unreadable parts."""
         self.scenario: Scenario | None = None
         """The session's scenario, once it was needed."""
         values = None if level == "full" else PrivateValues(self._scenario_or_refuse(), private)
@@ -78,9 +77,9 @@ class SessionRecords:
         self.filter.note(self.contents.read_records())
         told = (each for each in self.contents.read_records() if isinstance(each, SessionRecord))
         self.begun: SessionRecord | None = next(told, None)
-        """The first readable record of an engine."""
+        """The first readable session record."""
         self.info: SessionInfo | None = None
-        """The contents of session.toml. None: it cannot be read."""
+        """The contents of session.toml. None: it is unreadable."""
         if (folder / INFO).exists():
             try:
                 self.info = read_info(folder)
@@ -95,7 +94,7 @@ class SessionRecords:
         return self.read()
 
     def read(self) -> Iterator[AnyRecord]:
-        """Give each readable record in the journal's order. Raises SessionError when it cannot be read now."""
+        """Give each readable record in the journal's order. Raises SessionError if the journal cannot be read now."""
         for record in self._read_reassigned():
             if self.level == "full":
                 yield record
@@ -105,20 +104,20 @@ class SessionRecords:
             yield told
 
     def _read_reassigned(self) -> Iterator[AnyRecord]:
-        """Give each record, with the present labels of a session that its study's log has reassigned."""
+        """Give each record, with the new labels if the study's log has reassigned the session."""
         for record in self.contents.read_records():
             if self.moved is not None and isinstance(record, SessionRecord) and record.participant:
                 record = replace(record, **self.moved.labels)
             yield record
 
     def load_scenario(self) -> Scenario:
-        """Load the scenario that the session ran. Raises SessionError when it cannot be loaded or was changed."""
+        """Load the scenario that the session ran. Raises SessionError if it cannot be loaded or was changed."""
         if self.scenario is None:
             self.scenario = _load_scenario(self.folder, read_info(self.folder))
         return self.scenario
 
     def _name(self) -> str:
-        """Return the folder's name. Without the date, run and attempt keep a participant's sessions apart."""
+        """Return the folder's name. Below full, run and attempt replace the date."""
         folder = self.folder.resolve().name
         name, told = self.filter.session_name(folder), self.begun or self.info
         if name == folder or told is None:
@@ -139,7 +138,7 @@ class SessionRecords:
 
 
 def _load_scenario(folder: Path, info: SessionInfo) -> Scenario:
-    """Load a scenario through a cache: it takes a tenth of a second, and hundreds of sessions have the same."""
+    """Load a scenario through a cache: loading takes a tenth of a second, and hundreds of sessions share it."""
     key = (_digest(folder / SCENARIO_COPY), info.scenario_hash, info.robot, info.mode)
     found = _scenarios.pop(key, None) if key[0] else None
     if found is None:
@@ -152,7 +151,7 @@ def _load_scenario(folder: Path, info: SessionInfo) -> Scenario:
 
 
 def _digest(copy: Path) -> str:
-    """Hash the names and bytes of all files in a folder. Empty when there are none or they cannot be read."""
+    """Hash the names and bytes of all files in a folder. Empty: there are none, or one cannot be read."""
     digest, files = hashlib.sha256(), 0
     try:
         for path in sorted(each for each in copy.rglob("*") if each.is_file()):

@@ -1,4 +1,4 @@
-"""The statistics of tables and reports, each with its definition, so that others can compute them again.
+"""The statistics of tables and reports, each with its definition, so that others can recompute them.
 
 Quantiles follow definition 7 of Hyndman & Fan 1996 (The American Statistician 50(4), 361-365; doi
 10.1080/00031305.1996.10473566). For ordered values x(1) to x(n) and h = (n - 1) p + 1, the quantile is interpolated
@@ -14,11 +14,11 @@ from collections.abc import Iterable, Sequence
 from msgspec import Struct
 
 Z_95 = 1.959963984540054
-"""The standard normal distribution has 95 % of its mass between minus this and this."""
+"""95 % of the standard normal distribution is between minus this and this."""
 
 
 class Summary(Struct, frozen=True):
-    """A summary of some values. It has no mean, which a few long waits would dominate."""
+    """A summary of some values. It has no mean, because a few long waits would dominate it."""
 
     n: int
     minimum: float
@@ -56,7 +56,7 @@ class Share(Struct, frozen=True):
 def quantile(values: Iterable[float], p: float) -> float | None:
     """Compute the value below which the part `p` (0 to 1) of the values lies, as defined at the top of this module.
 
-    :return: None when there are no values.
+    :return: None if there are no values.
 
     >>> quantile([1.0, 2.0, 4.0, 8.0], 0.95)
     7.4
@@ -65,12 +65,12 @@ def quantile(values: Iterable[float], p: float) -> float | None:
 
 
 def median(values: Iterable[float]) -> float | None:
-    """Compute the middle value, or the mean of the two middle values. None when there are no values."""
+    """Compute the middle value, or the mean of the two middle values. None: there are no values."""
     return quantile(values, 0.5)
 
 
 def summarise(values: Iterable[float]) -> Summary | None:
-    """Summarise some values. None when there are none.
+    """Summarise some values. None: there are none.
 
     >>> summarise([0.2, 0.4, 0.9])
     Summary(n=3, minimum=0.2, lower=0.3, median=0.4, upper=0.65, p95=0.85, maximum=0.9)
@@ -93,7 +93,7 @@ def median_interval(values: Iterable[float]) -> tuple[float, float] | None:
     ((2.0, 9.0), None)
     """
     ordered = sorted(values)
-    n, k, ways, below = len(ordered), 0, 1, 1  # of 2 ** n ways, those with at most k values below the median
+    n, k, ways, below = len(ordered), 0, 1, 1  # the number of the 2 ** n ways with at most k values below the median
     while below * 40 <= 2**n:
         k += 1
         ways = ways * (n - k + 1) // k
@@ -117,7 +117,7 @@ def wilson_interval(count: int, n: int) -> tuple[float, float] | None:
 
     :param count: the number of hits, from 0 to n.
     :param n: the total.
-    :return: its ends, each from 0 to 1; None when n is 0.
+    :return: its ends, each from 0 to 1; None: n is 0.
 
     >>> wilson_interval(1, 10)
     (0.017876, 0.40415)

@@ -1,5 +1,5 @@
-"""Trials: what happens between one question of the robot and the next. `[trials]` of scenario.toml defines where each
-begins. docs/reference/exports.md defines every value, and this module follows it."""
+"""Trials: the time from one question of the robot to the next, as `[trials]` of scenario.toml defines it.
+docs/reference/exports.md defines every value."""
 
 from __future__ import annotations
 
@@ -28,9 +28,8 @@ from rise_engine.scenario.model import Json, normal_topic
 NoNumber: TypeAlias = (
     InterruptionKind | Literal["back", "silent", "cut", "end", "cue", "key", "speech", "unset", "value"]
 )
-"""Why a trial has no number. back: a wizard stepped back before there was one; silent: the robot said nothing; cut:
-not to its end; end: nobody knows when it fell silent; cue, key, speech: there was none; unset: no value; value: no
-number."""
+"""Why a trial has no number. back: a wizard stepped back before; silent: the robot did not speak; cut: its speech was
+cut off; end: the end of its speech is unknown; cue, key, speech: there was none; unset: no value; value: no number."""
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -40,9 +39,9 @@ _NO_REACTIONS = frozenset(
 )
 """Requests of wizards that are no reaction to the participant's turn."""
 _BACK = ("resumed", STEPPED_BACK)
-"""How the triggers of a state begin to which a rule has come back."""
+"""How the triggers begin that return a rule to a state."""
 _AT_THE_START = frozenset({"file", "study", "condition"})
-"""Sources of the values that exist when a session begins."""
+"""Sources of the memory values at a session's start."""
 _INTERRUPTED = {
     "duration_s": ("interrupted",),
     "participant_s": ("participant_interrupted",),
@@ -50,14 +49,14 @@ _INTERRUPTED = {
     "key_s": ("participant_interrupted", "wizard_interrupted"),
     SPEECH: ("speech_interrupted",),
 }
-"""For each duration of a trial, what says that it was interrupted."""
+"""For each duration of a trial, the fields with its interruptions."""
 _ENDS: dict[str, tuple[str, ...]] = {
     "participant_s": ("asked_end", "cue_at"),
     "wizard_s": ("cue_at", "key_at"),
     "key_s": ("asked_end", "key_at"),
     SPEECH: ("asked_end", "speech_at"),
 }
-"""For each duration that a trial may lack, its ends."""
+"""For each duration that a trial may lack, its two ends."""
 _MISSING: dict[str, NoNumber] = {"asked_end": "end", "cue_at": "cue", "key_at": "key", "speech_at": "speech"}
 _Each = TypeVar("_Each")
 
@@ -68,10 +67,10 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     start: float
     end: float
     ended_by: TrialEnd
-    """trial: the next trial began; rule: the rule ended whose state had begun it; key: its memory key became null or
-    was deleted; record: the record ended."""
+    """trial: the next trial began; rule: the rule of the first state ended; key: its memory key became null or was
+    deleted; record: the record ended."""
     values: dict[str, Json]
-    """The values of the declared columns just before the moment of the trial's end."""
+    """The values of the declared columns just before the trial's end."""
     robot_said: str = ""
     task: int | None = None
     """The act that spoke first."""
@@ -81,7 +80,7 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     """Whether that act's speech was stopped or failed before its end."""
     cue_at: float | None = None
     speech_at: float | None = None
-    """When the participant first spoke, as somebody has annotated it or else a program has said."""
+    """When the participant first spoke, according to an annotation, or else to a program."""
     key_at: float | None = None
     wizard_key: str = ""
     wizard_asked: str = ""
@@ -96,13 +95,13 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     stops: int = 0
     """How often everything was stopped in it."""
     interrupted: InterruptionKind | None = None
-    """What interrupted the trial. None: nothing, as for the next two."""
+    """The interruption of the trial. None: none, as for the next three."""
     participant_interrupted: InterruptionKind | None = None
-    """What interrupted the time between the end of the robot's speech and the cue (without a cue: the key)."""
+    """The interruption between the end of the robot's speech and the cue (without a cue: the key)."""
     wizard_interrupted: InterruptionKind | None = None
-    """What interrupted the time between the cue and the wizard's key."""
+    """The interruption between the cue and the wizard's key."""
     speech_interrupted: InterruptionKind | None = None
-    """What interrupted the time between the end of the robot's speech and the participant's first speech."""
+    """The interruption between the end of the robot's speech and the participant's first speech."""
 
     @property
     def duration_s(self) -> float:
@@ -130,7 +129,7 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         return seconds_between(self.asked_end, self.key_at)
 
     def number(self, name: str) -> float | None:
-        """Return a column as a number, for use as a dependent variable. None: `why_no_number`."""
+        """Return a column as a number, for use as a dependent variable. None: see `why_no_number`."""
         if self.why_no_number(name):
             return None
         value = self.values[name] if name in self.values else getattr(self, name, None)
@@ -155,9 +154,9 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
 
 
 def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
-    """Return the trials of a session in their order. Empty where its scenario has no `[trials]` or cannot be loaded.
+    """Return the trials of a session in their order. Empty: its scenario has no `[trials]` or cannot be loaded.
 
-    :param data: the session at any level; trials lack what the level hides.
+    :param data: the session at any level; values that the level hides are missing.
     """
     settings = data.scenario.trials if data.scenario is not None else None
     if settings is None:
@@ -171,24 +170,24 @@ def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
 
 
 class _Spans:
-    """A finder of the starts and ends of trials. Give it a session's records in their order."""
+    """Finds the starts and ends of trials. Give it a session's records in their order."""
 
     def __init__(self, data: SessionData, settings: TrialSettings) -> None:
         assert data.scenario is not None
         self.found: list[tuple[float, float, TrialEnd, dict[str, Json]]] = []
         self.signals: list[float] = []
-        """When a program said that the participant began to speak."""
+        """When a program reported that the participant began to speak."""
         self.repeated: list[float] = []
         """When failed acts were repeated."""
         self.asked: dict[int, float] = {}
-        """For each marked task, when it was requested."""
+        """The time of the request of each marked task."""
         self._marked = {point.task for point in data.points if point.kind == "mistake"}
         self._settings = settings
         self._memory: dict[str, Json] = {name: table.records for name, table in data.scenario.tables.items()}
         self._before = dict(self._memory)
-        """The memory before the moment of the last record."""
+        """The memory before the time of the last record."""
         self._changes: list[MemoryRecord] = []
-        """The memory records of that moment."""
+        """The memory records of that time."""
         self._t = 0.0
         self._start: float | None = None
         """The start of the current trial."""
@@ -251,7 +250,7 @@ class _Spans:
         self._start, self._rule, self._stopped = None, "", ""
 
     def _continue(self, rule: str) -> None:
-        """Go on with the last trial if its rule was stopped, and goes on where it was."""
+        """Continue the last trial if its rule was stopped and now resumes."""
         if self._start is None and rule == self._stopped and self.found:
             self._start, self._rule = self.found.pop()[0], rule
 
@@ -371,7 +370,7 @@ class _Lists:
         )
 
     def _key(self, start: float | None, end: float) -> WizardKey | None:
-        """Return the first key in the trial from a time on. The key that ends the trial is included."""
+        """Return the first key of the trial from a time on, including the key that ends the trial."""
         if start is None:
             return None
         at = bisect_left(self._keys, start, key=_time)
@@ -390,8 +389,7 @@ def _asked(function: str, behavior: str) -> str:
 
 
 def _end_of_speech(act: PlayedAct) -> float | None:
-    """Return when the act's last action that uses the voice ended. None: not all were spoken to their end, or nobody
-    knows when."""
+    """Return the end of the act's last action with voice. None: some were not spoken to their end, or it is unknown."""
     spoken = _spoken(act)
     ends = [part.ended_at for part in spoken if part.status == "succeeded" and part.ended_at is not None]
     return max(ends) if ends and len(ends) == len(spoken) else None

@@ -1,4 +1,4 @@
-"""What a bundle says about itself (`bundle.json`, README, LICENSE), and what to check before it is given away."""
+"""A bundle's description of itself (`bundle.json`, README, LICENSE), and what to check before sharing it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class AboutBundle(Struct, frozen=True):
     program: str = __version__
     """The version of rise-tui that made it."""
     rehearsals: dict[str, int] = {}
-    """The number of rehearsals left out, by their purpose."""
+    """The number of omitted rehearsals, by their purpose."""
     absent: dict[str, str] = {}
     """Why sessions in study.jsonl are not in the bundle, as part of a sentence, by the session's name."""
 
@@ -59,7 +59,7 @@ def write_about(root: Path, about: AboutBundle) -> None:
 
 
 def read_about(root: Path) -> AboutBundle:
-    """Read `bundle.json` of the bundle in `root`. Raises ExportError when it is missing or invalid."""
+    """Read `bundle.json` of the bundle in `root`. Raises ExportError if it is missing or invalid."""
     try:
         return msgspec.json.decode((root / ABOUT_FILE).read_bytes(), type=AboutBundle)
     except FileNotFoundError:
@@ -69,7 +69,7 @@ def read_about(root: Path) -> AboutBundle:
 
 
 PYTHON = (3, 11)
-"""The oldest Python that runs the program (pyproject.toml)."""
+"""The oldest supported Python (pyproject.toml)."""
 _LEVELS: dict[ExportLevel, str] = {
     "full": "Everything is told as it was recorded. This is an archive. Do not publish it.",
     "shared": "For other researchers: no dates and times of day, no notes and reasons that people typed, no names of "
@@ -82,7 +82,7 @@ _LEVELS: dict[ExportLevel, str] = {
 def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_out: Sequence[str], wheel: str) -> str:
     """Write README.md.
 
-    :param wheel: the path of the program in the bundle; empty: it is not in it.
+    :param wheel: the path of the program in the bundle; empty: it is not included.
     """
     program = wheel or f'"rise-tui=={__version__}"'
     lines = [
@@ -137,7 +137,7 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
 
 
 def _about_program(wheel: str) -> list[str]:
-    """Say how to get the program."""
+    """Describe how to get the program."""
     if not wheel:
         return [f"The program itself is not in here; {ENVIRONMENT_FILE} says which one it was, and where it is.", ""]
     return [
@@ -163,12 +163,12 @@ def license_text(license: str, study: Study) -> str:
 
 _STAND_IN = re.compile(r"[A-Z0-9]+\d")
 _HIDDEN = re.compile(r"= \{\w+\}$")
-"""The behaviour of an assignment to a private key, as a level shows it."""
+"""An assignment to a private key, as a level shows it."""
 _SHOWN = 12
 
 
 class LookAt:
-    """A collector of what a person should check. Give it one session after another."""
+    """Collects what a person should check. Give it one session after another."""
 
     def __init__(self, study: Study, level: ExportLevel) -> None:
         self._study = study
@@ -183,7 +183,7 @@ class LookAt:
         self._warnings: list[str] = []
 
     def add(self, data: SessionData) -> None:
-        """Add what people said and typed in a session."""
+        """Add the typed and spoken texts of a session."""
         self._said += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
         for record in data.records:
             if isinstance(record, TaskRecord) and record.source.startswith("wizard:"):
@@ -212,9 +212,9 @@ class LookAt:
         self._warnings += [f"{name}: {each}" for each in warnings]
 
     def sentences(self, root: Path, people: Mapping[str, str], license: str) -> list[str]:
-        """Return everything in sentences.
+        """Return everything to check, in sentences.
 
-        :param root: the bundle, as far as it is made.
+        :param root: the unfinished bundle.
         :param people: the code of each wizard in it, by name.
         :param license: the licence; empty: there is none.
         """

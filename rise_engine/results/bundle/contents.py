@@ -1,7 +1,6 @@
-"""The files of a bundle beside its sessions: those of the study, and the program with its environment.
+"""The files of a bundle besides its sessions: the study's files, and the program with its environment.
 
-The program is a wheel in `program/`, so that others can have the same. `environment.txt` has the versions of everything
-that it needs.
+The program is a wheel in `program/`. `environment.txt` has the versions of all its dependencies.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from rise_engine.study.traces import is_withdrawn, without_salts
 from rise_engine.study.withdrawal_work import EXPORTED
 
 GIVEN = "1900-01-01"
-"""Replaces the date of a consent where the level shows no dates. Nobody can have consented on it."""
+"""Replaces the date of a consent if the level hides dates. No real consent has this date."""
 _TABLE = re.compile(r"^\s*\[wizards\]")
 _NEXT_TABLE = re.compile(r"^\s*\[")
 _INLINE = re.compile(r"^\s*wizards\s*[.=]")
@@ -66,7 +65,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
         new += "\n[wizards]\n" + "".join(f'"{name}" = "{name}"\n' for name in names)
     try:
         before, after = tomllib.loads(text), tomllib.loads(new)
-    except tomllib.TOMLDecodeError:  # the names are still there
+    except tomllib.TOMLDecodeError:  # the names are still in it
         before, after = {}, {"wizards": {}}
     if before | {"wizards": {}} != after | {"wizards": {}} or not before:
         raise ExportError(
@@ -100,15 +99,15 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
 
 
 def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
-    """Write study.jsonl without salts, and without lines about participants who have withdrawn. An earlier version of
-    the program wrote such lines when one of their sessions came back.
+    """Write study.jsonl without salts, and without lines about withdrawn participants. An earlier version of the
+    program wrote such lines when one of their sessions was restored.
 
     Levels below full also lack dates, names, typed texts, paths of exports, and rehearsals that are not in the bundle.
 
     :param log: its entries.
     :param names: the names of sessions in the bundle, by their folders' names.
     :param people: the codes of wizards.
-    :param level: how much is shown.
+    :param level: the export level.
     """
     entries = list(log)
     names_of = {str(each.get("participant") or "") for each in entries}
@@ -181,7 +180,7 @@ def _without_people(value: str, people: Mapping[str, str]) -> str:
 
 
 def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
-    """Copy the scenarios in the study's folder. Returns their paths in the bundle, and sentences about the others."""
+    """Copy the scenarios in the study's folder. Returns their paths, and sentences about the omitted ones."""
     named = [study.scenario, *(level.scenario for factor in study.factors for level in factor.levels)]
     copied, left_out = [], []
     for name in dict.fromkeys(filter(None, named)):
@@ -215,7 +214,7 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _OWN = "rise-tui"
 _GIT_SECONDS = 5.0
 _KEPT = ("METADATA", "entry_points.txt", "licenses/")
-"""The installation's own files that go into the wheel."""
+"""The installation's own files that are included in the wheel."""
 
 
 class Wheel(Struct, frozen=True):
@@ -229,7 +228,7 @@ class Wheel(Struct, frozen=True):
 def write_program(root: Path) -> str:
     """Write the program into the folder `program` of the bundle in `root`. Raises OSError.
 
-    :return: why it is not in there, as part of a sentence; empty: it is.
+    :return: why it is not included, as part of a sentence; empty: it is.
     """
     wheel = program_wheel()
     if isinstance(wheel, str):
@@ -248,7 +247,7 @@ def wheel_in(root: Path) -> str:
 
 
 def is_running_program(root: Path) -> bool:
-    """Whether the wheel in a bundle is, byte for byte, the program that runs."""
+    """Whether the wheel in a bundle equals the running program byte for byte."""
     wheel, there = program_wheel(), wheel_in(root)
     return bool(there) and not isinstance(wheel, str) and (root / there).read_bytes() == wheel.data
 
@@ -316,8 +315,8 @@ def _url_hash(data: bytes) -> str:
 
 
 def environment_text(recorded: dict[str, set[str]]) -> str:
-    """List the versions of the program, of Python and of every dependency. For comparison, each dependency has the
-    SHA-256 of the list of its files.
+    """List the versions of the program, Python and all dependencies. For comparison, each dependency has the SHA-256 of
+    its list of files.
 
     :param recorded: the versions in the sessions, by program.
     """
@@ -335,7 +334,7 @@ def environment_text(recorded: dict[str, set[str]]) -> str:
 
 @cache
 def _origin() -> dict[str, str]:
-    """Return where the installation says the program comes from: URLs, and the commit of its source."""
+    """Return the program's sources according to its installation: URLs, and the commit."""
     try:
         package = distribution(_OWN)
     except PackageNotFoundError:
@@ -357,8 +356,7 @@ def _origin() -> dict[str, str]:
 
 
 def _commit_here() -> str:
-    """Return the commit of the checkout that contains the program, with `-dirty` after changes. Empty: there is
-    none."""
+    """Return the commit of the checkout with the program, with `-dirty` after changes. Empty: there is none."""
     here = Path(__file__).resolve().parents[3]
     if not (here / ".git").exists():
         return ""
@@ -393,7 +391,7 @@ def _needed(name: str) -> list[Distribution]:
             if key not in found and key != name:
                 try:
                     found[key] = distribution(key)
-                except PackageNotFoundError:  # for another system
+                except PackageNotFoundError:  # a dependency for another system
                     continue
                 waiting.append(key)
     return [found[key] for key in sorted(found)]

@@ -1,4 +1,4 @@
-"""Comparison of two courses of a session: as recorded, and with another robot. Describes the differences in sentences.
+"""Compares two courses of a session, as recorded and with another robot, and describes the differences.
 
 The requests of people and programs are the same in both, at the same times. The reactions of rules and the actions of
 the robot may differ.
@@ -34,11 +34,11 @@ from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
 
 _OF_THE_ROBOT = (ActionReport, TimerElapsed, RobotChanged, StopReport, SessionRecovered)
-"""Inputs that come from the robot and its timing, and are new with another robot."""
+"""Inputs that come from the robot and its timing, which another robot replaces."""
 _NAMES_TASK = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """Functions whose behaviour begins with the number of a task."""
 NOTICEABLE = 0.1
-"""Differences in an act's duration are reported from this number of seconds on."""
+"""Minimum difference in seconds of an act's duration that is reported."""
 TaskName = tuple[str, str, str, int]
 """Source, function, behaviour and a running number: identifies a task whatever its number."""
 
@@ -50,7 +50,7 @@ class RecordedSession(Struct):
     inputs: list[AnyInput]
     """The inputs of people and programs in their order, at the times `t`."""
     end: float
-    """When it was ended."""
+    """The time of its end."""
     records: list[AnyRecord]
     seed: int = 0
 
@@ -72,7 +72,7 @@ class TaskNames:
             self._ids[name] = record.id
 
     def translate(self, task: Submit, there: TaskNames) -> Submit:
-        """Adapt a task about another task, which can have another number in the other course.
+        """Adapt a task that names another task, which may have another number in the other course.
 
         :param there: the tasks of the other course.
         """
@@ -105,7 +105,7 @@ class CourseComparison(Struct):
 
     @property
     def median_longer(self) -> float:
-        """Seconds. 0 where no act took noticeably longer or shorter."""
+        """Seconds. 0: no act took noticeably longer or shorter."""
         return round(median(self.longer), 3) if self.longer else 0.0
 
 
@@ -182,7 +182,7 @@ def _course(records: Iterable[AnyRecord], scenario: Scenario) -> tuple[tuple[Pla
 
 
 def _is_end(record: AnyRecord) -> bool:
-    """Whether the session ends here. The engine stops the robot first, so the ends of acts after this mean nothing."""
+    """Whether the session ends here. The engine stops the robot first, so ends of acts after this have no meaning."""
     if isinstance(record, TaskRecord):
         return record.function == "stopAll" and record.source == ENGINE
     return isinstance(record, SessionRecord) and record.status == "ended"
@@ -193,7 +193,7 @@ def _is_running(act: PlayedAct) -> bool:
 
 
 def _numbered(acts: Iterable[PlayedAct]) -> Iterator[tuple[tuple[str, str, int], PlayedAct]]:
-    """Give each act with its name, its source and its running number among these."""
+    """Give each act with its name, its source and its running number among equal ones."""
     counts: dict[tuple[str, str], int] = {}
     for act in acts:
         what = (act.act, act.source)
@@ -230,7 +230,7 @@ def _length(act: PlayedAct) -> float:
 
 
 def _way_difference(before: list[Phase], after: list[Phase]) -> str:
-    """Say where a rule first enters a different state, or return an empty text."""
+    """Return where a rule first enters a different state, as a sentence, or an empty text."""
     for number in range(max(len(before), len(after))):
         old = before[number] if number < len(before) else None
         new = after[number] if number < len(after) else None

@@ -1,8 +1,8 @@
 """The metadata of a bundle, its checksums, and bundles as ZIP files.
 
 The metadata is RO-Crate 1.1 with Process Run Crate 0.5, one JSON-LD file. Each session is a CreateAction, with the
-program as instrument, design and scenario as inputs, the record as result. RO-Crate 1.1 has no term for a checksum, so
-they are in a separate file, `manifest-sha256.txt`, in the format of `sha256sum`.
+program as instrument, design and scenario as inputs, the record as result. RO-Crate 1.1 has no term for checksums, so
+these are in a separate file, `manifest-sha256.txt`, in the format of `sha256sum`.
 
 https://www.researchobject.org/ro-crate/specification/1.1/
 https://www.researchobject.org/workflow-run-crate/profiles/0.5/process_run_crate/
@@ -48,7 +48,7 @@ class ManifestCheck(Struct):
 
     @property
     def whole(self) -> bool:
-        """Whether everything is there, and nothing else."""
+        """Whether all listed files are there, unchanged, and no others."""
         return not (self.changed or self.missing or self.unlisted or self.unreadable)
 
 
@@ -63,7 +63,7 @@ def manifest_text(root: Path) -> str:
 
 
 def fingerprint(root: Path) -> str:
-    """Return the checksum of the checksums. A paper can give it, so that readers recognise the published bundle.
+    """Return the checksum of the manifest. A paper can state it, so that readers recognise the published bundle.
 
     :raises OSError: there is no manifest.
     """
@@ -94,13 +94,13 @@ def check_manifest(root: Path) -> ManifestCheck:
 MAX_BYTES, MAX_FILES = 20_000_000_000, 200_000
 """The limits of a zip file's unpacked contents."""
 MAX_RATIO, SMALL_BYTES = 100, 100_000_000
-"""The largest ratio of unpacked to packed size, and the size allowed in any case. Session files shrink to a tenth."""
+"""The maximum ratio of unpacked to packed size, and the size that is always allowed. Session files reach 10."""
 SPARE_BYTES = 100_000_000
-"""The bytes that unpacking leaves free on the disk."""
+"""The free bytes on the disk that unpacking must leave."""
 _NAMED = 5
-"""The most names that a sentence lists."""
+"""Maximum number of names that a sentence lists."""
 _DATE = (1980, 1, 1, 0, 0, 0)
-"""The earliest date that a zip file can have, so that it reveals no real date."""
+"""The earliest date that a zip file allows; it reveals no real date."""
 
 
 def write_zip(folder: Path, path: Path) -> None:
@@ -146,7 +146,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
 
 
 def _refuse_links(folder: Path) -> None:
-    """Refuse links: a bundle has none, and they could lead to any file of the reader. Raises ExportError."""
+    """Refuse links: no bundle has any, and they could lead to any file of the reader. Raises ExportError."""
     links = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink())
     if links:
         raise ExportError(f"it is not a bundle, because these in it are links: {_some(links)}")
@@ -160,7 +160,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
     """Check the directory of a zip file before unpacking it.
 
     :param size: the size of the zip file. :param free: the free space on the disk.
-    :raises ExportError: it contains too much, or entries that no bundle has; one line for each problem.
+    :raises ExportError: it is too large, or has entries that no bundle has; one line for each problem.
     """
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
@@ -186,7 +186,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
 
 
 def _is_plain(entry: zipfile.ZipInfo) -> bool:
-    """Whether an entry is a file or a folder. Programs other than Unix ones do not record this."""
+    """Whether an entry is a file or a folder. Only Unix programs record this."""
     return stat.S_IFMT(entry.external_attr >> 16) in (0, stat.S_IFREG, stat.S_IFDIR)
 
 
@@ -195,7 +195,7 @@ def _megabytes(size: int) -> str:
 
 
 def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
-    """Unpack the checked entries into a folder. No file can become larger than the check has counted."""
+    """Unpack the checked entries into a folder. No file can become larger than checked."""
     for entry in archive.infolist():
         target = folder / entry.filename
         if entry.is_dir():
@@ -246,7 +246,7 @@ class CrateSession(Struct, frozen=True):
 
     facts: SessionFacts
     folder: str
-    """Relative to the bundle. Empty: only the exports have the session."""
+    """Relative to the bundle. Empty: the session is only in the exports."""
 
 
 class CrateContents(Struct, frozen=True):
@@ -263,7 +263,7 @@ class CrateContents(Struct, frozen=True):
     """The funder as written by people. Empty: not given."""
     sessions: tuple[CrateSession, ...]
     inputs: tuple[str, ...]
-    """Files and folders from which every session was run, relative to the bundle: the design, the scenarios."""
+    """Files and folders from which all sessions were run, relative to the bundle: the design, the scenarios."""
 
 
 def metadata_text(root: Path, contents: CrateContents) -> str:
@@ -363,7 +363,7 @@ def _run_of(session: CrateSession, contents: CrateContents) -> Entity:
 
 
 def _one_or_all(entities: list[Entity]) -> Entity | list[Entity]:
-    """Return a list as JSON-LD compacts it: a single entity is not in a list."""
+    """Return a list in compact JSON-LD: a single entity is not in a list."""
     return entities[0] if len(entities) == 1 else entities
 
 

@@ -1,8 +1,8 @@
-"""What follows from what in a bundle: its derived files from its sessions, and its inputs from what the sessions name.
+"""Makes and checks the derived files of a bundle, and checks its inputs against its sessions.
 
 `write_derived` makes tables, BIDS, the report and participants.csv from the bundle's sessions and study files alone:
-when the bundle is made, and again to check that they still follow (`compare_derived`). `check_inputs` says whether
-study.toml, the scenarios and plan.csv are those of the sessions. `check_bundle` checks the checksums.
+when the bundle is made, and again to compare them (`compare_derived`). `check_inputs` reports whether the sessions used
+this study.toml, these scenarios and this plan.csv. `check_bundle` checks the checksums.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE
 
 FORMATS = ("tables", "bids")
-"""Exports that every bundle has."""
+"""Exports that every bundle contains."""
 REPORT = "report"
 """The folder of the report page and the reporting sheet."""
 MADE_OF = {
@@ -53,13 +53,13 @@ MADE_OF = {
     REPORT: "sessions/, study.toml, participants.csv, plan.csv and study.jsonl",
     PARTICIPANTS_FILE: "its own rows and study.toml",
 }
-"""The sources of each, for people."""
+"""The sources of each derived file, for people."""
 _LONGEST = 60
-"""The most characters of a cell or line that a sentence quotes."""
+"""Maximum length of a cell or line that a sentence quotes."""
 
 
 class Difference(Struct, frozen=True):
-    """A file that does not follow from the others."""
+    """A file that differs from what its sources give."""
 
     file: str
     what: str
@@ -76,15 +76,15 @@ class DerivedCheck(Struct):
     """The number of equal files."""
     differences: list[Difference] = field(default_factory=list)
     not_compared: list[str] = field(default_factory=list)
-    """Files from another version of the program that have no columns to compare."""
+    """Files of another version of the program that have no columns to compare."""
 
 
 def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[str, str]]:
-    """Write everything that follows from the files of a bundle.
+    """Write all derived files of a bundle.
 
     :param root: the bundle, with its sessions and the files of its study.
     :param target: the bundle itself, or an empty folder.
-    :param about: how the bundle is made.
+    :param about: the contents of `bundle.json`.
     :return: the exports' messages: the format and a sentence.
     :raises rise_engine.base.errors.RiseError: something cannot be read or made.
     :raises OSError: it cannot be written.
@@ -109,7 +109,7 @@ def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[st
 
 
 def sessions_in_order(root: Path, state: StudyStatus | None) -> list[Path]:
-    """Return the sessions of a bundle in the order in which they began. Sessions of other studies come last.
+    """Return the sessions of a bundle in the order of their starts. Sessions of other studies come last.
 
     :param root: the bundle.
     :param state: its study; None: it cannot be read.
@@ -128,7 +128,7 @@ def compare_derived(root: Path, about: AboutBundle, *, same_version: bool) -> De
     """Make all derived files again, and compare them with those in the bundle.
 
     :param root: the bundle.
-    :param about: how it was made.
+    :param about: the contents of `bundle.json`.
     :param same_version: whether this version of the program made it. From another version, only table columns with the
         same names are compared.
     :raises rise_engine.base.errors.RiseError: something cannot be read or made.
@@ -204,7 +204,7 @@ def _line_difference(before: bytes, after: bytes) -> str:
 
 
 def _around(line: str, again: str) -> tuple[str, str]:
-    """Cut two long lines to begin shortly before the first character that differs."""
+    """Cut two long lines to begin shortly before their first difference."""
     at = next((n for n, (a, b) in enumerate(zip(line, again, strict=False)) if a != b), min(len(line), len(again)))
     begin = max(0, at - _LONGEST // 3)
     return line[begin:], again[begin:]
@@ -239,9 +239,9 @@ class InputsCheck(Struct):
     problems: list[str] = field(default_factory=list)
     """The differences, in sentences that begin with the file's name."""
     proved: list[str] = field(default_factory=list)
-    """What the sessions prove, in sentences."""
+    """Facts that the sessions prove, in sentences."""
     open: list[str] = field(default_factory=list)
-    """What they cannot prove, in sentences."""
+    """Facts that they cannot prove, in sentences."""
 
 
 class _Run(Struct, frozen=True):
@@ -355,7 +355,7 @@ def _check_scenario(found: InputsCheck, root: Path, state: StudyStatus, name: st
 def _scenario_hash(folder: Path, copy: Path, how: Mapping[str, Any]) -> str:
     """Return the hash of the scenario together with the robots of the session's copy. Empty: it does not load.
 
-    :param how: how it is loaded.
+    :param how: the arguments for loading it.
     """
     with private_folder(Path(tempfile.gettempdir(), "rise-scenario")) as work:
         whole = work / "scenario"

@@ -1,4 +1,4 @@
-"""Maker of a bundle: everything of a study that others need, at one level, with a list of its contents."""
+"""Makes a bundle: all parts of a study that others need, at one level, with a list of its contents."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_na
 
 SESSIONS = "sessions"
 UNPROVED = "unproved"
-"""Exports of sessions that are not in the bundle, so that nobody can make these exports again."""
+"""Exports of sessions that are not in the bundle, so that they cannot be made again."""
 
 
 class BundleReport(Struct):
@@ -83,7 +83,7 @@ class BundleReport(Struct):
     contents: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     look_at: list[str] = field(default_factory=list)
-    """What a person should check before giving it away."""
+    """What a person should check before sharing it."""
     sessions: int = 0
     """The number of sessions in it."""
     fingerprint: str = ""
@@ -102,12 +102,12 @@ def make_bundle(
     """Make the bundle of a study.
 
     :param state: the study's state.
-    :param folders: its sessions, in the order in which they began.
+    :param folders: its sessions, in the order of their starts.
     :param out: a new folder, or a new file whose name ends in `.zip`.
-    :param options: how much it shows.
+    :param options: the options of the bundle.
     :param left_out: sessions of the study that are not in `folders`.
-    :param remarks: sentences on others that are not, without names and paths.
-    :raises ExportError: it cannot be made; nothing of it is left.
+    :param remarks: sentences on other omitted sessions, without names and paths.
+    :raises ExportError: it cannot be made. Nothing of it remains.
     """
     if state.interrupted or state.damaged:
         raise ExportError("no bundle was made", *state.interrupted, *state.damaged)
@@ -117,7 +117,7 @@ def make_bundle(
     people = {study: state.pseudonyms}
     try:
         with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
-            bundle = _Bundle(read_state(study), folders, options)  # again: from now on, changes are noticed
+            bundle = _Bundle(read_state(study), folders, options)  # read again: from now on, changes are detected
             bundle.report.look_at += [*map(str, left_out), *export.problems]
             here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
@@ -199,7 +199,7 @@ class _Bundle:
             self.report.look_at.append(str(why))
 
     def _tell_left_out(self, left_out: Sequence[LeftOut]) -> None:
-        """Tell others what is left out, with the names that the level shows. Nobody who has withdrawn is named."""
+        """List the omitted sessions for others, with their names at the level. Withdrawn participants are not named."""
         gone = [each for each in left_out if each.why == HAS_WITHDRAWN]
         if gone:
             self.report.left_out.append(f"{pluralize(len(gone), 'session')}, because the participant has withdrawn")
@@ -259,7 +259,7 @@ class _Bundle:
     # --- the study ---
 
     def _write_study(self, root: Path) -> list[str]:
-        """Write the study's files. Returns those from which every session was run."""
+        """Write the study's files. Returns those from which all sessions were run."""
         study, folder = self._study, Path(self._study.folder)
         text = (folder / STUDY_FILE).read_text("utf-8")
         (root / STUDY_FILE).write_text(study_text(text, self._people, self._level), "utf-8")
@@ -300,7 +300,7 @@ class _Bundle:
         return [*inputs, *copied]
 
     def _rehearsals(self) -> dict[str, int]:
-        """Count the rehearsals that are left out, by their purpose."""
+        """Count the omitted rehearsals by their purpose."""
         left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
         return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
 

@@ -55,7 +55,7 @@ from rise_engine.study.publishing import authors_of
 VERSION = "1.11.1"
 """The version of BIDS."""
 OF_DEVICE = {"SamplingFrequency": 1_000_000, "PowerLineFrequency": "n/a"}
-"""What the report of mne-bids asks of every device: steps of the journal's clock in a second, and no mains."""
+"""Values for every device that the report of mne-bids requires: clock steps per second, and no mains."""
 _NO_TASK = "session"
 """The task's label if there is no title."""
 
@@ -107,7 +107,7 @@ class _Dataset:
         self._write_source(data, self._root / "sourcedata" / "rise" / f"sub-{label}", name)
 
     def close(self) -> None:
-        """Write the files about all sessions. Raises ExportError when there was none."""
+        """Write the files about all sessions. Raises ExportError if there is no session."""
         if not self._people:
             raise ExportError("there is no session that could be exported")
         columns = self._session_columns(self._factors)
@@ -277,7 +277,7 @@ class _Dataset:
     # --- files ---
 
     def _write_source(self, data: SessionData, folder: Path, name: str) -> None:
-        """Write the source: the session itself at level full, else its records as the level shows them."""
+        """Write the source: the session itself at level full, else its records at the level."""
         if data.level != "full":
             records = b"".join(encode_record(record) + b"\n" for record in data.records)
             self._write_bytes(folder / f"{name}_records.jsonl", records)
@@ -317,7 +317,7 @@ def write_bids(folder: Path, sessions: Iterable[SessionData], context: ExportCon
 
     :param folder: the new folder.
     :param sessions: one after the other; none is kept.
-    :param context: the level, and the study if there is one; its warnings get sentences about open tasks.
+    :param context: the level, and the study if there is one; its `warnings` gets sentences about remaining tasks.
     :raises ExportError: there is no session.
     """
     folder.mkdir(0o700)

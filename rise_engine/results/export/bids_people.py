@@ -13,7 +13,7 @@ from rise_engine.results.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
 
 UNNAMED = "unnamed"
-"""Replaces a participant whom the session does not name."""
+"""Replaces a participant that the session does not name."""
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
 _HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
@@ -48,19 +48,19 @@ def label_of(text: str) -> str:
 
 
 class Labels:
-    """A table that gives each participant a label of their own."""
+    """Gives each participant a unique label."""
 
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
 
     def label(self, participant: str) -> str:
-        """Return a participant's label after `sub-`, always the same and unique."""
+        """Return a participant's label after `sub-`."""
         if participant not in self._labels:
             plain = label_of(participant) or UNNAMED
             taken = {each.casefold() for each in self._labels.values()}
             found = plain
             number = 2
-            while found.casefold() in taken:  # `P-1` and `P1`; case-insensitive file systems would also mix up `p1`
+            while found.casefold() in taken:  # `P-1` and `P1`; case-insensitive file systems would also confuse `p1`
                 found, number = f"{plain}x{number}", number + 1
             self._labels[participant] = found
         return self._labels[participant]
@@ -80,7 +80,7 @@ def participants_table(
     """Return the columns of participants.tsv, its rows, and sentences for the person who exports.
 
     :param labels: the labels of the participants in the export.
-    :param groups: the between condition of each; empty where there is none.
+    :param groups: the between condition of each; empty: there is none.
     :param study: their study.
     :param people: the rows of participants.csv.
     """

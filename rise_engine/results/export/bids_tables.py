@@ -121,7 +121,7 @@ ACT_COLUMNS: Columns = _picked(
 
 
 def _local_time(row: Row) -> str:
-    """Return the local time without a zone, as in BIDS. Empty where the level shows none."""
+    """Return the local time without a zone, as in BIDS. Empty: the level hides times."""
     started = row.data.facts.started
     return started_text(started, lambda at: at.replace(tzinfo=None).isoformat(timespec="milliseconds"))
 
@@ -152,7 +152,7 @@ class _EventRow(Struct, kw_only=True, frozen=True):
 
     onset: float
     end: float | None
-    """The end; equal to the onset for a moment. None: it had not ended when the record ended."""
+    """The end; equal to the onset for an event without duration. None: it had not ended at the end of the record."""
     trial_type: str
     actor: str = ""
     name: str = ""
@@ -163,7 +163,7 @@ class _EventRow(Struct, kw_only=True, frozen=True):
     channel: str = ""
     mark: str | None = None
     outage_s: float | None = None
-    """recovery, note of a suspend: seconds without an engine before it."""
+    """For a recovery or a note of a suspend: the seconds without an engine before it."""
 
 
 def _duration(row: Row) -> float | None:

@@ -1,11 +1,11 @@
 """A BORIS project (`.boris`): an observation for each session, and an ethogram of everything that happened.
 
-The format is BORIS project 7.0, JSON, which BORIS 8 and 9 open. Something with a duration is a state event with two
-rows (begin, end); anything else is a point event. Rows of one behaviour, subject and modifier begin and end in turn, so
+The format is BORIS project 7.0, JSON, which BORIS 8 and 9 open. Events with a duration are state events with two rows
+(begin, end); all others are point events. Rows of one behaviour, subject and modifier begin and end in turn, so
 overlaps go to a behaviour `NAME 2`. Acts are behaviours of the robot, with the requester as modifier. Spoken words are
 in the comment. Coding keys stay free for the coder.
 
-Observations are written one by one and the ethogram after them, so that studies of hundreds of sessions fit in memory.
+Observations are written one by one and the ethogram last, so that studies of hundreds of sessions fit in memory.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rise_engine.session.coded_formats import CLOCK, OWN_CATEGORIES, OWN_PROJECT
 from rise_engine.session.media import MediaFile
 
 PLAYERS = 8
-"""The most files that BORIS plays side by side."""
+"""Maximum number of files that BORIS plays side by side."""
 NO_DATE = "1970-01-01T00:00:00"
 WAITS = "waits for an answer"
 ACTS, ROBOT, RULES, SESSION = OWN_CATEGORIES
@@ -82,7 +82,7 @@ class _Ethogram(Struct):
 
 
 def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
-    """Write a project with every session to `out`, a path that does not exist."""
+    """Write a project with all sessions to `out`, a path that does not exist."""
     ethogram = _Ethogram()
     study = context.study
     head = {
@@ -91,7 +91,7 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
         "project_description": OWN_PROJECT,
         "project_format_version": "7.0",
     }
-    with out.open("x", encoding="ascii", newline="\n") as file:  # BORIS reads the file in the computer's own encoding
+    with out.open("x", encoding="ascii", newline="\n") as file:  # BORIS reads the file in the computer's encoding
         file.write(json.dumps(head)[:-1] + ', "observations": {')
         names: set[str] = set()
         dates: set[str] = set()
@@ -120,7 +120,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext)
     found = lay_out(spans_of(data), clock, data.facts.duration, group=_group)
     warn_of_lost(data, found.lost, warnings)
     rows = [row for tier in found.tiers for each in tier.annotations for row in _rows(each, tier.lane, ethogram)]
-    rows.sort(key=lambda row: row[:3])  # BORIS does the same when it opens the file
+    rows.sort(key=lambda row: row[:3])  # as BORIS does when it opens the file
     files, info = _media(clock)
     return {
         "date": _date(data.facts.started),
@@ -142,7 +142,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext)
 
 
 def _can_play(file: MediaFile) -> bool:
-    """Whether BORIS can play it: it needs the duration of every file, and the frames per second of a video."""
+    """Whether BORIS can play the files: it needs the duration of each, and the frames per second of a video."""
     return file.duration is not None and (file.kind == "audio" or bool(file.fps))
 
 
@@ -164,7 +164,7 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
         info["hasVideo"][path] = linked.file.kind == "video"
         info["hasAudio"][path] = True
         if player == 1:
-            info["display"][path] = "Nothing"  # no spectrogram; BORIS would add this, and then ask whether to save
+            info["display"][path] = "Nothing"  # no spectrogram; BORIS would add this and then offer to save
         info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # its start in the time of the first file
     return files, info if files else {}
 
@@ -277,7 +277,7 @@ def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -
         "run": (str(facts.run or ""), "Which of the participant's runs"),
         "attempt": (str(facts.attempt or ""), "The number of the session among those of that run"),
     }
-    for name in dict.fromkeys([*factors, *facts.factors]):  # so that all observations have all of them
+    for name in dict.fromkeys([*factors, *facts.factors]):  # all observations have all of them
         level = facts.factors.get(name, "")
         label = next(each for each in _candidates(one_line(name) or "factor", "factor") if each not in told)
         told[label] = (level if isinstance(level, str) else json.dumps(level), "A factor of the study")

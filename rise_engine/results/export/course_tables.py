@@ -257,11 +257,11 @@ class _Event(Struct, frozen=True):
     source: str
     task: int | None = None
     end: float | None = None
-    """None: it was a moment."""
+    """None: it has no duration."""
     by: str = ""
-    """Who caused it. Empty: `source`."""
+    """Its cause. Empty: `source`."""
     outage_s: float | None = None
-    """recovery, note of a suspend: seconds without an engine before it."""
+    """For a recovery or a note of a suspend: the seconds without an engine before it."""
 
 
 def _event_rows(data: SessionData) -> Iterator[Row]:

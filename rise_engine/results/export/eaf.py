@@ -1,12 +1,13 @@
 """A session's tiers as files for ELAN (`.eaf`, with links to recordings) and for Praat (TextGrid, for sound).
 
-ELAN: Annotation Format 3.0 with the schema EAFv3.0.xsd (The Language Archive, December 2016). The schema does not say
+ELAN: Annotation Format 3.0 with the schema EAFv3.0.xsd (The Language Archive, December 2016). The schema does not state
 the following: media time = annotation time + TIME_ORIGIN; TIME_ORIGIN is never negative; a MEDIA_URL is `file:///` and
 the unescaped path, without %20 for a blank, because ELAN removes the prefix and opens the rest.
 
 Praat: the long form of its manual ("TextGrid file formats"): intervals without gaps, with empty ones between the
 annotations, and doubled quotes in texts. A TextGrid belongs to one sound but does not name it. Its times are those of
-the session's first sound file, or else of the first video, or else session time."""
+the session's first sound file, else of the first video, else session time.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ from rise_engine.session.coded_formats import CLOCK, OWN_ANNOTATOR, OWN_TYPE, SE
 AUTHOR = OWN_ANNOTATOR
 TYPE = OWN_TYPE
 NO_DATE = "1970-01-01T00:00:00+00:00"
-"""The date if none is known, because the format requires one."""
+"""The date if none is known: the format requires one."""
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 _MIME_TYPES = {
@@ -48,7 +49,7 @@ _MIME_TYPES = {
     ".mpeg": "video/mpeg",
     ".mov": "video/quicktime",
 }
-"""Types for which ELAN has its own names. For all others, it only learns whether they are video or audio."""
+"""ELAN's own names for types. For all others, ELAN only gets `video` or `audio`."""
 _CONSTRAINTS = {
     "Time_Subdivision": "Parts of the parent annotation that follow each other without gaps",
     "Symbolic_Subdivision": "Parts of the parent annotation in an order, without times",
@@ -142,8 +143,7 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
 
 
 def _time_slots(tiers: Iterable[Tier]) -> tuple[list[int], list[int]]:
-    """Return the times of all slots in order, as ELAN requires, and the slot numbers of each annotation's start and
-    end, one annotation after the other."""
+    """Return the sorted times of all slots, as ELAN requires, and the slots of each annotation's start and end."""
     annotations = (annotation for tier in tiers for annotation in tier.annotations)
     moments: list[tuple[int, bool, int]] = []
     for annotation in annotations:
@@ -178,7 +178,7 @@ def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbe
 
 
 def _date(started: str) -> str:
-    """Return the date for XML Schema. It allows zones of whole minutes, up to 14 hours; others become UTC."""
+    """Return the date for XML Schema, which allows zones of whole minutes up to 14 hours; others become UTC."""
     try:
         date = datetime.fromisoformat(started)
     except ValueError:
@@ -196,7 +196,7 @@ def _date(started: str) -> str:
 
 
 def _as_text(path: str) -> str:
-    """Make a path fit for XML. Bytes that are not text are lost, and ELAN then asks for the file."""
+    """Make a path valid for XML. Bytes that are not text are lost; ELAN then asks for the file."""
     return one_line(path.encode("utf-8", "replace").decode())
 
 
@@ -225,7 +225,7 @@ def write_textgrid(out: Path, sessions: Iterable[SessionData], context: ExportCo
 
 
 def tell_whose_time(data: SessionData, clock: MediaClock, warnings: list[str]) -> None:
-    """Name the recording whose time a file has, because the file cannot."""
+    """Warn which recording's time a file has, because the file cannot contain this."""
     if clock.linked:
         warnings.append(
             f"{data.facts.session}: its times are those of {clock.linked[0].file.path}, in which the session "

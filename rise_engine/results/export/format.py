@@ -18,17 +18,16 @@ from rise_engine.results.analysis.model import SessionData
 from rise_engine.study.model import Study, StudyStanding
 
 Shape: TypeAlias = Literal["file", "file-per-session", "folder"]
-"""The output of an export. file: one for all sessions; file-per-session: one for each, in a new folder when there are
-several; folder: always a new one."""
+"""The output of an export. file: one for all sessions; file-per-session: one for each; folder: a new folder."""
 
 
 class ExportContext(Struct):
-    """Settings that are the same for all sessions of an export."""
+    """Settings shared by all sessions of an export."""
 
     level: ExportLevel
     study: Study | None = None
     standing: StudyStanding | None = None
-    """The study's progress, when the whole study is exported."""
+    """The study's progress, if the whole study is exported."""
     folder: Path | None = None
     """The folder in which the finished files will be. None: where they are written."""
     factors: tuple[str, ...] = ()
@@ -36,8 +35,7 @@ class ExportContext(Struct):
     spreadsheet_safe: bool = False
     """Whether cells that a spreadsheet would execute get an apostrophe. Table formats use this."""
     trial_columns: tuple[str, ...] | None = None
-    """The columns of trials that the scenarios of all sessions declare (`[trials]`), in their order. None: no scenario
-    defines trials."""
+    """The columns that the scenarios of all sessions declare in `[trials]`, in their order. None: no trials."""
     wide: bool = False
     """Whether to add a table with a row for each participant."""
     warnings: list[str] = field(default_factory=list)
@@ -45,22 +43,22 @@ class ExportContext(Struct):
 
 
 class LeftOut(Struct, frozen=True):
-    """A session's folder that is not in an export or a bundle."""
+    """A session's folder that is omitted from an export or a bundle."""
 
     name: str
     why: str
-    """A sentence about it without names of folders, paths and dates."""
+    """The reason as a sentence, without names of folders, paths and dates."""
     detail: str = ""
-    """The same for the people of the study, with these. Empty: there are none."""
+    """The same with these, for the people of the study. Empty: there are none."""
     unread: bool = False
-    """Whether it could not be read."""
+    """Whether it was unreadable."""
 
     def __str__(self) -> str:
         return f"{self.name} is not in the export: {self.detail or self.why}"
 
 
 HAS_WITHDRAWN = "its participant has withdrawn"
-"""Why nothing names a session to others, whatever the level."""
+"""The reason why a session is not named to others, whatever the level."""
 
 
 class ExportError(RiseError):
@@ -73,7 +71,7 @@ def new_file(path: Path) -> BinaryIO:
 
 
 def started_text(started: str, write: Callable[[datetime], str]) -> str:
-    """Write when a session began, in the form of a format. Empty where the level shows no dates."""
+    """Write when a session began, in the form of a format. Empty: the level hides dates."""
     try:
         return write(datetime.fromisoformat(started))
     except ValueError:
@@ -83,9 +81,9 @@ def started_text(started: str, write: Callable[[datetime], str]) -> str:
 class ExportFormat(Struct, frozen=True):
     """One export format.
 
-    `write` gets a path that does not exist yet (for a file, or for a folder that it makes), the sessions one after the
-    other, and the context. It must not keep sessions, because a study may have hundreds. With `file-per-session`, it is
-    called once for each session. It raises ExportError or OSError.
+    `write` gets the path of a new file or folder, the sessions one after the other, and the context. It must not keep
+    sessions, because a study may have hundreds. With `file-per-session`, it is called once for each session. It raises
+    ExportError or OSError.
     """
 
     name: str
@@ -111,7 +109,7 @@ _OWN = {
     "xdf": "rise_engine.results.export.xdf:FORMAT",
     "bids": "rise_engine.results.export.bids:FORMAT",
 }
-"""The place of each format, in the order of the help. They are loaded on demand, because some take a while."""
+"""The module of each format, in the order of the help. They are loaded on demand, because some load slowly."""
 ENTRY_POINTS = "rise.exports"
 """The group of entry points for ExportFormat objects."""
 
@@ -123,7 +121,7 @@ def format_names() -> list[str]:
 
 
 def load_format(name: str) -> ExportFormat:
-    """Load a format by its name, one of `format_names`. Raises ExportError when it cannot be loaded."""
+    """Load a format by its name, one of `format_names`. Raises ExportError if it cannot be loaded."""
     if name in _OWN:
         module, _, constant = _OWN[name].partition(":")
         found: ExportFormat = getattr(import_module(module), constant)

@@ -4,12 +4,12 @@ media time = offset + rate * session time (`rise_engine.session.media`). An anno
 clock. Annotations are scaled by its rate, because no annotation format can say that a camera runs fast. If a format
 lets each file begin elsewhere (ELAN, BORIS), the other files are aligned with the first one.
 
-While a session has no engine, its time stands still, but cameras go on. So events after a recovery are moved by the
+While a session has no engine, its time stands still, but cameras continue. So events after a recovery are moved by the
 time that passed on the computer's clock. A file is aligned with the part of the session that has its marks.
 
 Annotations of a tier never overlap, are at least a millisecond long, and do not begin before 0. The layout ensures
-this: of two that overlap, the second goes to a tier `NAME 2`; a moment becomes an annotation of `MOMENT_MS` (or less,
-if the next one begins earlier); what is before 0 is left out and counted.
+this: of two that overlap, the second goes to a tier `NAME 2`; an event without duration becomes an annotation of
+`MOMENT_MS` (or less, if the next one begins earlier); annotations before 0 are omitted and counted.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ LONG_SECONDS = 20 * 60.0
 FRAME_SECONDS = 0.04
 """One video frame. Smaller differences are invisible."""
 SAME_START_SECONDS = 30.0
-"""Recorders that are started together begin within this time. A recording that begins later is another part, for
-example after a camera restart."""
+"""Maximum seconds between starts of recorders that belong together. Later recordings are another part."""
 
 
 class LinkedFile(Struct, frozen=True, kw_only=True):
@@ -62,7 +61,7 @@ class MediaClock(Struct, frozen=True, kw_only=True):
         return math.floor((self.shift + self.rate * (at + seconds_away(self.gaps, at))) * 1000 + 0.5)
 
     def as_coded(self) -> CodedClock:
-        """Return the same clock in the form that annotation files state and read back."""
+        """Return the same clock in the form of annotation files."""
         return CodedClock(self.shift, self.rate, tuple((each.at, each.seconds) for each in self.gaps))
 
 
@@ -70,7 +69,7 @@ def clock_of_file(file: MediaFile, gaps: tuple[Outage, ...], origin: float = 0.0
     """Return the clock of annotations that were made with an aligned recording.
 
     :param file: the recording.
-    :param gaps: when the session had no engine.
+    :param gaps: the session's outages.
     :param origin: its own seconds at annotation time 0.
     """
     return MediaClock(rate=file.rate, shift=offset_at_start(file, gaps) - origin, gaps=gaps)
@@ -87,7 +86,7 @@ def recording_clock(
     """Return the clock of one recording, whose own time is annotation time. Without one, session time with its gaps.
 
     `first`: the preferred kind of file. `alone`: only this file is linked. `fits`: the files that the format can use.
-    `warnings` gets sentences about what is uncertain.
+    `warnings` gets sentences about uncertainties.
     """
     files = [each for each in _aligned_files(data, warnings, first) if fits(each)]
     if not files:
@@ -104,7 +103,7 @@ def recording_clock(
 
 
 def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
-    """Return session time scaled by the rate of the first video, and moved only as far as ELAN needs it.
+    """Return session time scaled by the rate of the first video, and moved only as far as ELAN requires.
 
     ELAN cannot show a file that begins after the annotations do (its time origin would be negative). If recordings
     began after the session, annotation time 0 is the start of the last one. A recording that began much later than the
@@ -139,7 +138,7 @@ def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
 
 
 def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> list[MediaFile]:
-    """Return the aligned videos and audios. Kind `first` is first, and within each kind files with a known drift."""
+    """Return the aligned videos and audios. Kind `first` comes first, and within each kind files with a known drift."""
     found: list[MediaFile] = []
     for file in data.media:
         if file.kind not in ("video", "audio"):
@@ -207,11 +206,11 @@ def _path(data: SessionData, file: MediaFile) -> Path:
 Doer: TypeAlias = Literal["robot", "wizard", "participant", "session"]
 """Who acts in a tier."""
 MOMENT_MS = 100
-"""The length of an annotation for a moment."""
+"""The length of the annotation of an event without duration."""
 ROBOT_SPEECH = "robot speech"
-"""The only tier of an empty session, because no program accepts a file without tiers."""
+"""The only tier of an empty session, because programs require at least one."""
 _UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff\u2028\u2029]")
-"""Characters that XML cannot hold, or that end a line somewhere. Annotations have one line."""
+"""Characters that XML cannot contain, or that some programs take for a line end. Annotations have one line."""
 
 
 class TierSpan(Struct, frozen=True, kw_only=True):
@@ -220,7 +219,7 @@ class TierSpan(Struct, frozen=True, kw_only=True):
     tier: str
     start: float
     end: float | None
-    """None: it was a moment."""
+    """None: an event without duration."""
     text: str
     code: str
     """A code that is the same for equal events: an act's name, a rule with its state."""
@@ -259,7 +258,7 @@ class TierSet(Struct, frozen=True, kw_only=True):
 
     tiers: tuple[Tier, ...]
     lost: int
-    """The number of spans left out because they ended before 0."""
+    """The number of omitted spans that ended before 0."""
     end: int
     """Milliseconds at which the session or the last annotation ended, at least 1."""
 
@@ -271,7 +270,7 @@ def lay_out(
     *,
     group: Callable[[TierSpan], str] = lambda span: span.tier,
 ) -> TierSet:
-    """Lay out all spans in tiers, which are in the order of their first spans.
+    """Lay out all spans in tiers, in the order of their first spans.
 
     `clock`: converts session time. `duration`: the session's length in session seconds. `group`: spans with the same
     result must not overlap; it becomes the tier's name.
@@ -304,7 +303,7 @@ def one_line(text: str) -> str:
 
 
 class _Names:
-    """A source of unique tier names. A rule may be called `note 2`."""
+    """Makes unique tier names. A rule may be called `note 2`."""
 
     def __init__(self, groups: Iterable[str]) -> None:
         self._taken = set(groups)
@@ -320,7 +319,7 @@ class _Names:
 
 
 class _LaidSpan(Struct):
-    """A span in milliseconds. The end of a moment may still move."""
+    """A span in milliseconds. The end of an event without duration may still move."""
 
     start: int
     end: int

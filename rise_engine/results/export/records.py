@@ -63,7 +63,7 @@ COLUMNS = (
 def write_records(
     source: SessionRecords, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False
 ) -> None:
-    """Write the readable records of one session, one after the other, so that it can have any length.
+    """Write the readable records of one session, one at a time, so that it can have any length.
 
     :param source: the session.
     :param format: `jsonl`, one record a line as in the journal but without checksums, or `csv`, a table with COLUMNS
@@ -103,7 +103,7 @@ def _write_lines(records: Iterable[AnyRecord], out: BinaryIO) -> None:
 
 
 def table_cell(value: Any) -> str:
-    """Write a JSON value as a cell: texts unchanged, null and missing values empty, everything else as JSON."""
+    """Write a JSON value as a cell: texts unchanged, null and missing values empty, all others as JSON."""
     if value is None:
         return ""
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()

@@ -39,7 +39,7 @@ from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.traces import KEPT_CONSENT, KEPT_ID, new_id
 
 LONG = 2.0
-"""Answers count as late after this number of seconds."""
+"""Seconds after which answers count as late."""
 SOURCE = Column("source", "Who asked for it, as in the record: wizard:NAME, rule:NAME, engine.")
 OF_SESSION = (Reference(("session",), "sessions"),)
 _HASH = "^[0-9a-f]{64}$"
@@ -349,7 +349,7 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
     :param study: the study's folder.
     :param participant: their pseudonym.
     :param sessions: the names of their folders in the study's sessions.
-    :raises StudyError: they have not agreed to this, or it is not known.
+    :raises StudyError: they have not agreed to this, or their consent is unknown.
     :raises rise_engine.base.errors.SessionError: one of their sessions cannot be read.
     """
     loaded = load_study(study, check_scenarios=False).study

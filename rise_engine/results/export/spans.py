@@ -1,4 +1,4 @@
-"""The parts of a session to show beside a video as spans: what the robot did, who requested it, cues, rules.
+"""The spans of a session to show beside a video: the robot's actions, requests, cues, rules.
 
 The robot's actions begin when it confirms them, not when they are requested. The queue and fillers, which are not
 answers, have their own tiers. Changes of memory, checks and control are only in the tables.
@@ -53,7 +53,7 @@ _ENDINGS = {
     "PENDING": "not ended",
     "ACTIVE": "not ended",
 }
-"""Suffixes of texts for anything that did not simply succeed."""
+"""Suffixes of texts for everything that did not succeed."""
 
 
 def spans_of(data: SessionData) -> list[TierSpan]:
@@ -99,7 +99,7 @@ def _tiers_of(part: ActPart) -> list[str]:
 
 
 def _is_pause(part: ActPart) -> bool:
-    """Whether it is a pause, which no robot confirms."""
+    """Whether it is a pause, which the robot does not confirm."""
     return part.type == WAIT and not part.channels
 
 
@@ -237,7 +237,7 @@ def _moments(data: SessionData) -> Iterator[TierSpan]:
 
 
 def _is_inner(point: Point) -> bool:
-    """Whether an event is shown elsewhere: the tiers of rules show what raised it, and cues have their own tier."""
+    """Whether an event is shown elsewhere: the tiers of rules show its cause, and cues have their own tier."""
     inner = point.source == ENGINE or point.source.startswith("rule:")
     return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
 

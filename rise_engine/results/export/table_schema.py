@@ -129,7 +129,7 @@ EVENT_KINDS = {
 
 
 ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object", "any"]
-"""any: that of its values, `rise_engine.study.questionnaires.type_of_values`."""
+"""any: the type of its values, `rise_engine.study.questionnaires.type_of_values`."""
 
 
 class Row(Struct, frozen=True):
@@ -153,7 +153,7 @@ class Column(Struct, frozen=True):
 
     name: str
     about: str
-    """Its meaning, also of an empty cell."""
+    """Its meaning, including that of an empty cell."""
     value: Value | None = None
     """Gets its value from a row. None: the attribute of the same name of the row's subject."""
     type: ColumnType = "string"
@@ -167,8 +167,7 @@ class Column(Struct, frozen=True):
     minimum: float | None = None
 
     def of(self, row: Any) -> Any:
-        """Return its value in a row, which is a Row unless `value` accepts something else. None or empty: there is
-        none."""
+        """Return its value in a row, which is a Row unless `value` accepts another type. None or empty: no value."""
         return getattr(row.of, self.name) if self.value is None else self.value(row)
 
     def field(self) -> dict[str, Any]:
@@ -254,13 +253,13 @@ def outage(start: str, end: str) -> Value:
 
 
 def interrupted(name: str, what: str, value: Value | None = None) -> Column:
-    """Make the column that says what interrupted a duration."""
+    """Make the column with the interruption of a duration."""
     about = f"What interrupted {what}, of several the first here; empty: nothing. Reports leave it out then."
     return Column(name, about, value, levels=INTERRUPTIONS)
 
 
 def interruption(start: str, end: str) -> Value:
-    """Get what interrupted the time between two attributes of the row's subject."""
+    """Get the interruption between two attributes of the row's subject."""
     return lambda row: interruption_between(row.data.interruptions, getattr(row.of, start), getattr(row.of, end))
 
 
@@ -288,12 +287,12 @@ def ends(start: str, end: str) -> Callable[[Row], tuple[float | None, float | No
 
 def outage_columns(what: str, start: str, end: str, away: Value | None = None) -> tuple[Column, Column, Column]:
     """Make columns for the time without an engine between two attributes, for the duration by the wall clock, and for
-    what interrupted it.
+    the interruption.
 
     :param what: the duration's column.
     :param start: the attribute with its start.
     :param end: the attribute with its end.
-    :param away: gives the seconds without an engine; None: those between the two.
+    :param away: gives the seconds without an engine; None: those between the two attributes.
     """
     lasted, away = span(start, end), away or outage(start, end)
 
@@ -384,7 +383,7 @@ def safe_cell(text: str) -> str:
 
 
 def cell(value: Any) -> str:
-    """Write a value as a cell: None is empty, numbers have no exponent and at most six places, lists are words.
+    """Write a value as a cell: None is empty, numbers have no exponent and at most six places, lists become words.
 
     >>> [cell(each) for each in (None, True, 2.0, 0.1 + 0.2, -0.0000001, 12, ("speech", "gaze"), {"a": 1})]
     ['', 'true', '2', '0.3', '0', '12', 'speech gaze', '{"a":1}']

@@ -59,7 +59,7 @@ class DescribedTable(Struct, frozen=True):
     widths: tuple[int, ...]
     """The bytes of the longest cell of each column."""
     has_line_ends: bool = False
-    """Whether a cell has several lines, each of which SPSS takes for a row."""
+    """Whether a cell has several lines, which SPSS takes for several rows."""
 
 
 def spss_text(tables: Iterable[DescribedTable]) -> str:
@@ -208,7 +208,7 @@ class _OpenTable:
         self._types: dict[int, ValueType | None] = {
             at: None for at, column in enumerate(self.columns) if column.type == "any"
         }
-        """For each column whose type is that of its values, the type so far."""
+        """For each column whose type depends on its values, the type so far."""
         self._has_line_ends = False
         self.path = folder / schema.file
         self.file = TextIOWrapper(new_file(self.path), encoding="utf-8", errors="backslashreplace", newline="")
@@ -301,8 +301,8 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
 
 
 def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
-    """Return the table of a questionnaire and the facts in its rows: those of the session of its run, or those that are
-    the same in all sessions of the participant."""
+    """Return the table of a questionnaire and the facts in its rows: those of the session of its run, or those that all
+    sessions of the participant share."""
     name = f"questionnaire_{answers.name}"
     if answers.settings.run:
         return TableSchema(name, answers.about, answers.columns, ("session",), _no_rows, OF_SESSION), list(facts)

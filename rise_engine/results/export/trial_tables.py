@@ -38,11 +38,11 @@ from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire
 
 _NOT_HERE = "unknown-participant"
-"""The diagnostic for a row of an unknown participant, which is left out without any other effect."""
+"""The diagnostic for a row of an unknown participant, which is omitted without any other effect."""
 
 
 class ToldAnswers(Struct, frozen=True):
-    """A questionnaire as an export shows it."""
+    """A questionnaire at an export level."""
 
     settings: QuestionnaireSettings
     columns: tuple[Column, ...]
@@ -50,7 +50,7 @@ class ToldAnswers(Struct, frozen=True):
     rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
     """Each row with its sessions: that of its run, or one of each run of the participant."""
     left_out: tuple[str, ...] = ()
-    """Sentences on rows that are not in it."""
+    """Sentences on omitted rows."""
 
     @property
     def name(self) -> str:
@@ -70,7 +70,7 @@ def told_answers(
     """Return the questionnaires of a study, for the participants in an export.
 
     :param study: the study; None: the sessions belong to none, or to several.
-    :param level: how much is shown.
+    :param level: the export level.
     :param sessions: the sessions of the export.
     :param warnings: gets sentences for the person who exports.
     :raises ExportError: a file has errors, so it cannot be exported.
@@ -92,7 +92,7 @@ def told_answers(
 
 
 def _report(read: Questionnaire, warnings: list[str]) -> list[str]:
-    """Refuse a file with errors, and say whose rows are left out because nobody knows them."""
+    """Refuse a file with errors, and warn of omitted rows of unknown participants."""
     name = read.settings.name
     if wrong := [str(each) for each in read.errors if each.code != _NOT_HERE]:
         raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
@@ -141,13 +141,13 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
 
 
 def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
-    """Choose among several attempts the one that counts, or else the last one."""
+    """Choose the complete attempt among several; otherwise the last one."""
     complete = [each for each in sessions if each.outcome == "complete"]
     return (complete or sessions)[-1]
 
 
 def answers_text(told: ToldAnswers) -> str:
-    """Write the file of a questionnaire as an export shows it. Reading it again gives the same."""
+    """Write the file of a questionnaire at an export level. Reading it again gives the same."""
     settings = told.settings
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
@@ -238,7 +238,7 @@ TRIALS = TableSchema(
 def declared_column(name: str) -> Column:
     """Return a column that `[trials]` of a scenario declares.
 
-    :param name: the memory key, or the part of a value.
+    :param name: the memory key, or a part of its value.
     """
     taken = name in {column.name for column in TRIALS.columns}
     about = f"{name} in memory just before the trial ended; empty: it was not set."
@@ -261,7 +261,7 @@ class _WideRow(Struct):
 
 
 _Person: TypeAlias = tuple[str, str]
-"""Their study and pseudonym: studies have the same pseudonyms."""
+"""Their study and pseudonym: different studies may have equal pseudonyms."""
 _WideRowRow: TypeAlias = tuple[_Person, _WideRow]
 
 
@@ -322,7 +322,7 @@ class WideTable:
             columns += _columns_of_answers(answers)
         key = (*(["study"] if several else []), "participant")
         if not all(study and name if several else name for study, name in self._people):
-            key = ()  # several people without a name cannot be told apart
+            key = ()  # several people without a name cannot be distinguished
         about = "One row is one participant: their trials in sessions that are complete, or belong to no study."
         return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
 

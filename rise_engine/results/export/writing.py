@@ -1,4 +1,4 @@
-"""Writer of exports: whole or not at all, never over existing files, and logged in the study before anything else."""
+"""Writes exports: completely or not at all, never over existing files, and logged in the study before anything else."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ExportReport(Struct):
     sessions: int = 0
     """The number of exported sessions."""
     problems: list[str] = field(default_factory=list)
-    """Sentences about what could not be read."""
+    """Sentences about unreadable parts."""
     warnings: list[str] = field(default_factory=list)
     """Other sentences for the person who exports."""
 
@@ -46,7 +46,7 @@ def export_sessions(
     private: Iterable[str] = (),
     several: bool = True,
 ) -> ExportReport:
-    """Export sessions in one format. The study's log notes it first.
+    """Export sessions in one format. The study's log gets an entry first.
 
     :param format: the format.
     :param out: a new file, or a new folder if the format has several files.
@@ -54,7 +54,7 @@ def export_sessions(
     :param context: from `export_context`.
     :param private: private memory keys in addition to the scenario's.
     :param several: False: with a file for each session, `out` is the file of the only one.
-    :raises ExportError: it could not be made; nothing of it remains.
+    :raises ExportError: it could not be made. Nothing of it remains.
     """
     report = ExportReport()
     folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
@@ -85,7 +85,7 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
     """Collect the settings for sessions that are exported together: factors, and the study if all have the same.
 
     :param folders: the sessions' folders.
-    :param level: how much is shown.
+    :param level: the export level.
     """
     studies: dict[Path | None, None] = {}
     columns: dict[str, None] | None = None
@@ -114,7 +114,7 @@ def _factors_of(folder: Path) -> Iterable[str]:
 
 
 def _trial_columns_of(folder: Path) -> list[str] | None:
-    """Return the columns of trials that a session's scenario declares. None: it has no trials, or cannot be read."""
+    """Return the columns of trials that a session's scenario declares. None: it has no trials, or is unreadable."""
     try:
         said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
         return [text for text in said.get("columns", ()) if isinstance(text, str)]
@@ -126,9 +126,9 @@ class NewExport(Struct):
     """An export that is being written."""
 
     here: Path
-    """The path to write to; nothing exists there yet."""
+    """The path to write to. It does not exist yet."""
     problems: list[str] = field(default_factory=list)
-    """Sentences about studies whose logs could not note it."""
+    """Sentences about studies whose logs could not get an entry."""
 
 
 @contextmanager
@@ -141,16 +141,16 @@ def new_export(
     folder: bool = False,
     people: Mapping[Path, Iterable[str]] | None = None,
 ) -> Iterator[NewExport]:
-    """Make a file or folder with data of sessions. It appears whole if the `with` statement succeeds, or not at all.
+    """Make a file or folder with data of sessions. It appears only if the `with` statement succeeds.
 
-    The log of each study in it notes it first, so that withdrawals and redactions know of it even after a kill.
+    The log of each study gets an entry first, so that withdrawals and redactions know of the export even after a kill.
     Therefore read its data within the statement. At the end, the log gets the export's hash, because a withdrawal
     erases only unchanged exports.
 
     :param path: the final place.
-    :param folders: the sessions' folders; sessions without a study are logged nowhere.
+    :param folders: the sessions' folders; sessions without a study are not logged.
     :param format: the format's name, for people.
-    :param level: how much it shows.
+    :param level: the export level.
     :param folder: whether it is a folder.
     :param people: further participants in it, by the folder of their study.
     :raises ExportError: something exists there, it cannot be written, or a participant has withdrawn meanwhile.
@@ -257,7 +257,7 @@ class _Note:
 def _read(
     folders: Sequence[Path], level: ExportLevel, private: Iterable[str], report: ExportReport
 ) -> Iterator[SessionData]:
-    """Read the sessions one after the other. The report gets what cannot be read."""
+    """Read the sessions one after the other. The report gets sentences about unreadable ones."""
 
     def note_unreadable(folder: Path, error: SessionError) -> None:
         report.problems.append(f"{folder.name} is not in it: {error}")

@@ -1,4 +1,4 @@
-"""A session as an XDF file, as from LabRecorder, for use beside an EEG without a live stream.
+"""A session as an XDF file, as from LabRecorder, to align with an EEG that was recorded without a live stream.
 
 Extensible Data Format 1.0 (https://github.com/sccn/xdf/wiki/Specifications): `XDF:`, then chunks, each with its length,
 a tag and its content. There is one file header. Each stream has a header, its samples, and a footer that counts them.
@@ -31,7 +31,7 @@ BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY_TAG, STREAM_FOOTER = range(1, 7)
 SECONDS_AT_ONCE = 10.0
 SAMPLES_AT_ONCE = 1000
-"""The most samples of a chunk, which is what a damaged byte can destroy."""
+"""Maximum number of samples in a chunk, which a damaged byte can destroy."""
 MARKERS, RECORDS = "rise", "rise-records"
 
 Sample = tuple[float, str]
@@ -143,7 +143,7 @@ def _text_bytes(text: str) -> bytes:
 
 
 def _info(values: dict[str, str], description: dict[str, str] | None = None) -> etree._Element:
-    """Make an `info` element with an element for each name, and `desc` with more if there is a description."""
+    """Make an `info` element with an element for each name, and `desc` if there is a description."""
     info = etree.Element("info")
     for name, value in values.items():
         etree.SubElement(info, name).text = _xml_text(value)
@@ -159,7 +159,7 @@ def _xml(info: etree._Element) -> bytes:
 
 
 def _xml_text(text: str) -> str:
-    """Replace characters that XML cannot hold (https://www.w3.org/TR/xml/#charsets)."""
+    """Replace characters that XML cannot contain (https://www.w3.org/TR/xml/#charsets)."""
     return "".join(
         each
         if each in "\t\n\r" or " " <= each < "\ud800" or "\ue000" <= each < "\ufffe" or each > "\uffff"

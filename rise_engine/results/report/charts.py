@@ -29,7 +29,7 @@ class DotRow(Struct, frozen=True):
     """One dot for each value."""
     hovers: tuple[str, ...]
     note: str = ""
-    """The numbers behind it, in words."""
+    """The numbers of the row, in words."""
 
 
 class CourseOfSessions(Struct, frozen=True):
@@ -37,7 +37,7 @@ class CourseOfSessions(Struct, frozen=True):
 
     name: str
     summaries: tuple[Summary | None, ...]
-    """Summaries of the sessions in their order. None: nothing to measure."""
+    """Summaries of the sessions in their order. None: there is nothing to measure."""
     hovers: tuple[str, ...]
 
 
@@ -138,7 +138,7 @@ def _summary_words(summary: Summary | None) -> str:
 
 
 def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
-    """Draw a line of blocks for each part. A bin gets as many characters as there is room for."""
+    """Draw a line of blocks for each part. A bin gets as many characters as fit."""
     bins = round(LAST_BIN / BIN) + 1
     label = 11
     each = 2 if width >= label + 2 * bins + 12 else 1

@@ -1,4 +1,4 @@
-"""The course of a session, drawn like music: lanes above one another, in as many rows as are needed to read it."""
+"""The course of a session, drawn like music: lanes above one another, in as many rows as readability requires."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from rise_engine.results.report.page import Drawing
 SpanKind: TypeAlias = Literal["cue", "unanswered", "act", "filler", "part", "state", "other-state"]
 MarkKind: TypeAlias = Literal["note", "mistake", "stop", "sync", "fault"]
 MAX_RULES = 8
-"""The most rules that have a lane. Those with most phases are chosen."""
+"""Maximum number of rules with a lane. Those with the most phases are chosen."""
 _CHANNELS = ("speech", "gaze", "face", "body", "arms")
 _NO_NEWS = ("latched", "connected")
-"""Points without news: a stop was carried out, or the robot is connected."""
+"""Points that are not drawn: a completed stop, and the connected robot."""
 _MARKS: dict[str, MarkKind] = {
     "note": "note",
     "mistake": "mistake",
@@ -35,7 +35,7 @@ _MARKS: dict[str, MarkKind] = {
 
 
 class LaneSpan(Struct, frozen=True):
-    """Something that lasted."""
+    """An event with a duration."""
 
     start: float
     end: float
@@ -45,7 +45,7 @@ class LaneSpan(Struct, frozen=True):
 
 
 class MomentMark(Struct, frozen=True):
-    """Something at one moment."""
+    """An event without duration."""
 
     at: float
     hover: str
@@ -75,7 +75,7 @@ def lanes_of(data: SessionData) -> list[Lane]:
 
 
 def left_out_rules(phases: Iterable[Phase]) -> list[str]:
-    """Return the rules without a lane, because there are too many."""
+    """Return the rules without a lane because there are too many."""
     return _rules_by_size(phases)[MAX_RULES:]
 
 
@@ -165,14 +165,14 @@ LANE, AXIS = 17.0, 16.0
 ROW_SECONDS = (20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600, 7200, 14400, 28800, 86400)
 """Possible lengths of a row in seconds."""
 FEW_ROWS, MAX_ROWS, SHORT = 4, 6, 600.0
-"""The most rows for sessions of up to `SHORT` seconds, and for longer ones."""
+"""The maximum numbers of rows for sessions of up to `SHORT` seconds, and for longer ones."""
 CHARACTER = 5.9
-"""The largest width of a label's character, in units."""
+"""The maximum width of a label's character, in units."""
 _TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 
 
 def course_figure(data: SessionData) -> Figure | None:
-    """Draw the course, also in characters. None when nothing happened.
+    """Draw the course, also in characters. None: there are no events.
 
     :param data: one session.
     """

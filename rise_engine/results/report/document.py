@@ -17,7 +17,7 @@ from rise_engine.results.analysis.model import ActorKind, InterruptionKind
 from rise_engine.results.analysis.statistics import Share
 
 Voice: TypeAlias = Literal["plain", "note", "warning"]
-"""note: an aside in small print. warning: something that every user of the numbers must know."""
+"""note: an aside in small print. warning: a fact that every user of the numbers must know."""
 
 
 class Paragraph(Struct, frozen=True):
@@ -42,12 +42,12 @@ class ReportTable(Struct, frozen=True, kw_only=True):
     numbers: frozenset[int] = frozenset()
     """The columns with numbers, which are aligned on the right."""
     marked: frozenset[int] = frozenset()
-    """Rows that somebody should check."""
+    """Rows that a person should check."""
     note: str = ""
     folded: bool = False
     """Whether it is long and optional. A page then shows its caption, and the rest on demand."""
     page_only: bool = False
-    """Whether a terminal only says where to find it."""
+    """Whether a terminal only shows where to find it."""
 
 
 class Figure(Struct, frozen=True, kw_only=True):
@@ -58,7 +58,7 @@ class Figure(Struct, frozen=True, kw_only=True):
     svg: tuple[str, ...]
     """Whole `<svg>` elements, made by `rise_engine.results.report.page`. A page can break between them."""
     text: Callable[[int], list[str]] | None = None
-    """Makes lines with the same content and how to read them, for a width in characters. None: tables beside it do."""
+    """Makes lines with the same content, for a width in characters. None: tables beside it contain them."""
 
 
 Block: TypeAlias = Paragraph | Facts | ReportTable | Figure
@@ -89,7 +89,7 @@ class Document(Struct, frozen=True, kw_only=True):
 
 
 def number_text(value: float | None, digits: int = 2) -> str:
-    """Write a number with that many places. Empty when there is none.
+    """Write a number with `digits` decimal places. Empty: there is none.
 
     >>> number_text(0.6155)
     '0.62'
@@ -101,7 +101,7 @@ def number_text(value: float | None, digits: int = 2) -> str:
 
 
 def seconds_text(value: float | None) -> str:
-    """Write a time in seconds: `0.62 s`. An en dash when there is none."""
+    """Write a time in seconds: `0.62 s`. An en dash: there is none."""
     return "\u2013" if value is None else f"{number_text(value)}\u00a0s"
 
 
@@ -120,7 +120,7 @@ def length_text(seconds: float) -> str:
 
 
 def clock_text(seconds: float) -> str:
-    """Write a moment of the session, or a length, which is rounded as by `length_text`: `4:07`, `1:04:07`.
+    """Write a session time, or a length, rounded as by `length_text`: `4:07`, `1:04:07`.
 
     >>> clock_text(247.4), clock_text(69.997)
     ('4:07', '1:10')
@@ -154,13 +154,13 @@ ACTOR_NAMES: Mapping[ActorKind, str] = {
 
 
 def actor_shares(actors: Mapping[ActorKind, int]) -> list[str]:
-    """Write `wizard 12 of 20 (60 %)` for each kind of actor that caused anything."""
+    """Write `wizard 12 of 20 (60 %)` for each kind of actor with any acts."""
     whole = sum(actors.values())
     return [f"{ACTOR_NAMES[actor]} {share_text(number, whole)}" for actor, number in actors.items() if number]
 
 
 def source_name(source: str) -> str:
-    """Name a source without its kind if it is a wizard, and readably if it is a rule.
+    """Return a source for people: a wizard without the kind, a rule with it.
 
     >>> source_name("wizard:anna"), source_name("rule:Greeting"), source_name("engine")
     ('anna', 'rule Greeting', 'engine')
@@ -172,7 +172,7 @@ def source_name(source: str) -> str:
 
 
 def cause_text(by: str, via: Sequence[str]) -> str:
-    """Name who caused an act, and the rules between.
+    """Return who caused an act, and the rules in between.
 
     >>> cause_text("wizard:anna", ("Greeting", "Quiz")), cause_text("rule:Greeting", ())
     ('anna, through Greeting > Quiz', 'rule Greeting')
@@ -181,7 +181,7 @@ def cause_text(by: str, via: Sequence[str]) -> str:
 
 
 def with_interruption(told: str, outage: float | None, kind: InterruptionKind | None = None) -> str:
-    """Add to a duration in words what interrupted it.
+    """Add the interruption to a duration in words.
 
     >>> with_interruption("12.0 s", None), with_interruption("12.0 s", None, "stop")
     ('12.0 s', '12.0 s, partly with everything stopped')
@@ -192,7 +192,7 @@ def with_interruption(told: str, outage: float | None, kind: InterruptionKind | 
 
 
 def interval_text(share: Share) -> str:
-    """Write the 95 % interval of a share per hundred: `(1.2–14)`. Empty if the total is 0."""
+    """Write the 95 % interval of a share in percent: `(1.2–14)`. Empty: the total is 0."""
     if share.interval is None:
         return ""
     low, high = (_hundred(each) for each in share.interval)
@@ -200,7 +200,7 @@ def interval_text(share: Share) -> str:
 
 
 def per_hundred(share: Share) -> str:
-    """Write a share per hundred. `none` if the total is 0."""
+    """Write a share in percent. `none`: the total is 0."""
     return "none" if share.fraction is None else _hundred(share.fraction)
 
 
@@ -210,7 +210,7 @@ def marks_text(marks: Mapping[str, int]) -> str:
 
 
 def moment_text(moment: str) -> str:
-    """Write a date with time of day for people. Empty where there is none."""
+    """Write a date with time of day for people. Empty: there is none."""
     try:
         return f"{datetime.fromisoformat(moment):%Y-%m-%d %H:%M %z}".rstrip()
     except ValueError:

@@ -1,6 +1,6 @@
 """Makes the report of a session or a study from its folder, read once at one level.
 
-The contents come from `analysis.reading` alone. Only replays, and a study's plan and progress, are read separately.
+`analysis.reading` gives the contents. Only replays, and a study's plan and progress, are read separately.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class MadeReport(Struct, frozen=True):
     folders: tuple[Path, ...]
     """The sessions in it."""
     problems: tuple[str, ...] = ()
-    """Sentences about what could not be read."""
+    """Sentences about unreadable parts."""
     sheet: str = ""
     """The reporting sheet of a study as Markdown."""
 
@@ -48,9 +48,9 @@ def make_session_report(
     """Make the report of one session, which may be running, torn or damaged.
 
     :param folder: the session's folder.
-    :param level: how much is shown.
+    :param level: the export level.
     :param private: private memory keys in addition to the scenario's.
-    :param label: gives the condition's label for readers who must stay blinded.
+    :param label: maps a condition to its label, for readers who must stay blinded.
     :raises SessionError: nothing can be read, or the private keys are unknown.
     """
     data = read_session(folder, level=level, private=private)
@@ -67,13 +67,13 @@ def make_study_report(
     conditions: bool = False,
     left_out: Mapping[str, int] | None = None,
 ) -> MadeReport:
-    """Make the report of a study over all its sessions. Complete ones are counted, the others are named.
+    """Make the report of a study over all its sessions. It counts the complete ones and lists the others.
 
     :param folder: the study's folder.
-    :param level: how much is shown.
+    :param level: the export level.
     :param private: private memory keys in addition to the scenario's.
-    :param conditions: show conditions even while the study hides them and is not complete.
-    :param left_out: for a bundle: the number of rehearsals that it leaves out, by their purpose.
+    :param conditions: show conditions even if the study hides them and is not complete.
+    :param left_out: for a bundle: the number of omitted rehearsals, by their purpose.
     :raises rise_engine.base.errors.FileError: the study's files have errors.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
@@ -108,7 +108,7 @@ def make_study_report(
 
 
 def report_folders(state: StudyStatus) -> list[Path]:
-    """Return the sessions for a study's report: those that do not run."""
+    """Return the sessions for a study's report: those that are not running."""
     return [each.path for each in _kept(state) if each.info is not None and each.entry.status != "running"]
 
 
@@ -117,7 +117,7 @@ def _kept(state: StudyStatus) -> list[StudySession]:
 
 
 def replay_words(folder: Path) -> str:
-    """Say in a few words whether a session replays identically, without any recorded content.
+    """Return in a few words whether a session replays identically, without any recorded content.
 
     :param folder: the session's folder.
     """

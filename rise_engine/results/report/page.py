@@ -1,8 +1,9 @@
 """A report as one HTML file, and as lines for a terminal. Both show the same numbers.
 
-The file has its own drawings, no script, and nothing that is fetched; it is made for light and dark, a screen and A4.
-Text browsers can read it too: it has headings, tables with headers, and a title on every drawing. Colours and fonts of
-drawings come from its style sheet by class, so that they follow light, dark and print."""
+The file has its own drawings, no scripts and no external resources. It supports light, dark, screen and A4. Text
+browsers can read it too: it has headings, tables with headers, and a title on every drawing. Colours and fonts of
+drawings come from its style sheet by class, so that they follow light, dark and print.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ _ADDRESSES = re.compile(r"http|url\(", re.IGNORECASE)
 
 
 def escape(text: str) -> str:
-    """Escape a text for an element or an attribute. Invisible characters are marked, all others read the same.
+    """Escape a text for an element or an attribute. Invisible characters are marked, all others look the same.
 
     >>> escape("<b>see http://x</b>")
     '&lt;b&gt;see &#104;ttp://x&lt;/b&gt;'
@@ -34,7 +35,7 @@ def element(tag: str, inner: str = "", **attributes: str) -> str:
 
     :param tag: its name.
     :param inner: markup made by this module.
-    :param attributes: texts by name; `class_` is `class`, `_` becomes `-`, empty ones are left out.
+    :param attributes: texts by name; `class_` is `class`, `_` becomes `-`, empty ones are omitted.
     """
     given = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"' for name, value in attributes.items() if value
@@ -43,7 +44,7 @@ def element(tag: str, inner: str = "", **attributes: str) -> str:
 
 
 class Drawing:
-    """A drawing. Later marks lie over earlier ones."""
+    """A drawing. Later marks cover earlier ones."""
 
     def __init__(self, width: float, height: float, title: str, description: str = "", *, name: str) -> None:
         """
@@ -100,7 +101,7 @@ def _number(value: float) -> str:
 
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
-"""What a browser may do with it: show it with its own styles."""
+"""The content security policy: a browser may show the page with its own styles, and nothing else."""
 
 
 def page_text(document: Document) -> str:
@@ -190,7 +191,7 @@ def _table(table: ReportTable) -> str:
     made += element("p", escape(table.note), class_="note") if table.note else ""
     if table.folded:
         return element("details", element("summary", escape(table.caption)) + made)
-    return element("p", escape(table.caption), class_="caption") + made  # a `caption` is as narrow as its table
+    return element("p", escape(table.caption), class_="caption") + made  # a `caption` is only as wide as its table
 
 
 def _cells(row: tuple[str, ...], numbers: frozenset[int]) -> Iterable[str]:
@@ -211,7 +212,7 @@ def _anchor(title: str) -> str:
 WIDTH = 80
 _GAP = 2
 _LEAST = 6
-"""The smallest width to which columns are narrowed, in characters."""
+"""The minimum width to which columns are narrowed, in characters."""
 
 
 def text_lines(document: Document, width: int = WIDTH) -> list[str]:
@@ -272,7 +273,7 @@ def _fact_lines(rows: Iterable[tuple[str, str]], width: int) -> list[str]:
 def _table_lines(table: ReportTable, width: int) -> list[str]:
     lines = _wrap(table.caption, width)
     shown = [table.head, *table.rows]
-    columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # without empty ones
+    columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # without empty columns
     widths, gap = _column_widths([[clean(row[at]).replace("\u00a0", " ") for at in columns] for row in shown], width)
     for number, row in enumerate(shown):
         cells = [_wrap(row[at], widths[place]) or [""] for place, at in enumerate(columns)]
@@ -288,8 +289,8 @@ def _table_lines(table: ReportTable, width: int) -> list[str]:
 
 
 def _column_widths(rows: list[list[str]], width: int) -> tuple[list[int], int]:
-    """Choose column widths and the gap between columns. If the texts are too wide, the widest columns shrink while
-    their words stay whole; then the gaps shrink; then words are broken."""
+    """Choose column widths and the gap between columns. Texts that are too wide first narrow the widest columns down to
+    whole words; then the gaps shrink; then words are broken."""
     if not rows or not rows[0]:
         return [], _GAP
     columns = range(len(rows[0]))

@@ -32,7 +32,7 @@ from rise_engine.results.analysis.statistics import Share, Summary, share_over, 
 
 
 class Band(Struct, frozen=True):
-    """A range of latencies, from the band before up to a limit."""
+    """A range of latencies, from the previous band up to a limit."""
 
     limit: float
     """Seconds. Infinite for the last band."""
@@ -41,7 +41,7 @@ class Band(Struct, frozen=True):
     short: str
     """The name in a drawing: `1 s`."""
     known: str
-    """What is known about it."""
+    """The known facts about it."""
 
 
 class Source(Struct, frozen=True):
@@ -144,7 +144,7 @@ BIN = 0.25
 LAST_BIN = 6.0
 """The start of the last bin in seconds; it counts all larger values."""
 LIMITS = (1.0, 2.0)
-"""Limits in seconds; reports give the shares above them."""
+"""Limits in seconds; reports show the shares above them."""
 
 
 class LatencyPart(Struct, frozen=True):
@@ -168,8 +168,7 @@ class LatencyFacts(Struct, frozen=True):
     """The latencies of acts that answered a cue, and separately those of fillers."""
 
     parts: tuple[LatencyPart, ...]
-    """wizard, way, rules (no key: if no key caused the act), queue, robot, voice. Only of answers; an act's parts add
-    up to its response."""
+    """wizard, way, rules (no key: without a key), queue, robot, voice. Only of answers; their sum is the response."""
     response: LatencyPart
     to_filler: LatencyPart
     """Seconds from the cue to the first filler."""
@@ -182,13 +181,13 @@ class LatencyFacts(Struct, frozen=True):
     before_cue: int
     """Answers that were requested before their cue. No latency includes them."""
     interrupted: dict[InterruptionKind, int]
-    """Other answers whose wait was interrupted, by what. No latency includes them."""
+    """Other answers whose wait was interrupted, by interruption. No latency includes them."""
 
 
 def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFacts:
     """Compute the numbers of answers and fillers.
 
-    :param acts: all acts of one or several sessions; those that answered no cue are left out.
+    :param acts: all acts of one or several sessions; those that answered no cue are ignored.
     :param cues: the cues of the same sessions.
     """
     acts = list(acts)
@@ -259,11 +258,11 @@ class ActFacts(Struct, frozen=True):
     by: dict[ActorKind, int]
     """How often each kind of actor caused it."""
     statuses: dict[str, int]
-    """How the requested ones ended."""
+    """The final statuses of its requests."""
     length: Summary | None
-    """Seconds from its turn to its end, for those that succeeded and that nothing interrupted."""
+    """Seconds from its turn to its end, for uninterrupted requests that succeeded."""
     response: Summary | None
-    """Seconds from a cue, for those that answered one."""
+    """Seconds from a cue, for requests that answered one."""
     marks: dict[str, int]
     """The mistakes that wizards marked on them."""
     fillers: int = 0
@@ -278,21 +277,21 @@ class StateFacts(Struct, frozen=True):
     seconds: float
     """The sum of all visits in session time."""
     each: Summary | None
-    """The visits that nothing interrupted."""
+    """The visits without an interruption."""
     stepped_back: int = 0
     outage_s: float = 0.0
     """Seconds without an engine during the visits, in which session time stood still."""
 
 
 class MistakeFacts(Struct, frozen=True):
-    """Mistakes, as wizards marked them and as the record shows them."""
+    """Mistakes, as marked by wizards and as shown by the record."""
 
     marks: dict[str, int]
     """All marks by kind of mistake."""
     marked: Share
     """The share of wizards' keys that were marked, or whose acts were."""
     rejected: int
-    """Acts that were requested and refused."""
+    """Acts that were requested and rejected."""
     canceled: int
     """Acts that were stopped before their end."""
     actions_failed: dict[str, int]
@@ -300,18 +299,18 @@ class MistakeFacts(Struct, frozen=True):
     aborted: int
     """Acts that failed."""
     failures: int
-    """Failed acts that needed somebody's decision."""
+    """Failed acts that needed a person's decision."""
     rules_faulted: int
     stops: int
     robot_lost: int
     robot_degraded: int
-    """How often a connected robot went on to answer only in part."""
+    """How often a connected robot degraded to partial answers."""
     control_changes: int
     """How often control passed from one person to another."""
 
 
 class SessionFigures(Struct, frozen=True):
-    """Everything that is counted in one session."""
+    """All counts of one session."""
 
     latency: LatencyFacts
     by_source: tuple[LatencyPart, ...]
@@ -320,7 +319,7 @@ class SessionFigures(Struct, frozen=True):
     states: tuple[StateFacts, ...]
     mistakes: MistakeFacts
     actors: dict[ActorKind, int]
-    """Acts whose turn came, by who caused them."""
+    """Acts whose turn came, by actor."""
     cues: int
     """The number of cues that were not undone."""
     answered: int

@@ -1,4 +1,4 @@
-"""The report of one session as a document: what ran, how it went, how long people waited, what went wrong."""
+"""The report of a session as a document: the scenario, the course, waiting times, faults."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def colophon(what: str, level: str) -> str:
 
 
 def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[Paragraph]:
-    """Report what could not be read. The sentences name files, dates and folders, so only the level full has them."""
+    """Report unreadable parts. The sentences contain files, dates and folders, so only the level full shows them."""
     if level == "full":
         yield from (Paragraph(problem, "warning") for problem in problems)
     elif problems:
@@ -181,7 +181,7 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
 
 
 def _changed_files(data: SessionData) -> Iterable[str]:
-    """Say when the session went on with changed files, who did this, and what was changed."""
+    """Report when the session continued with changed files, who did this, and the changes."""
     for point in data.points:
         if point.kind == "scenario":
             yield f"{clock_text(point.at)} by {source_name(point.source)}: {point.value}"

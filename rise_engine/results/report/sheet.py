@@ -2,7 +2,7 @@
 
 The items paraphrase the guidelines in Riek 2012 (doi 10.5898/JHRI.1.1.Riek). Compare them with the paper's own table
 before you claim to follow it. Facts from the record are filled in. People write the rest in `[report]` of study.toml;
-missing entries are listed as still to say.
+the sheet lists missing entries.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def reporting_sheet(
 
 
 def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
-    """Say how many began a session, including those who withdrew later."""
+    """Return how many participants began a session, including those who withdrew later."""
     people = [each for each in standing.participants if each.state != "withdrawn"]
     begun = sum(bool(each.sessions) for each in people) + withdrawn.begun
     verb = "has" if withdrawn.begun == 1 else "have"
@@ -116,7 +116,7 @@ def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
 
 
 def speed_text(figures: StudyFigures) -> str:
-    """Say at which speeds complete sessions ran, if any did not run in real time."""
+    """Return the speeds of complete sessions, if any did not run in real time."""
     rows = figures.complete
     counts = Counter(row.facts.speed for row in rows if row.facts.speed != 1.0)
     of = pluralize(len(rows), "complete session")
@@ -124,14 +124,14 @@ def speed_text(figures: StudyFigures) -> str:
 
 
 def debriefed_text(share: Share) -> str:
-    """Say after how many complete sessions a debriefing is recorded."""
+    """Return after how many complete sessions a debriefing is recorded."""
     if not share.n:
         return "No session is complete yet, so no debriefing is recorded."
     return f"A debriefing is recorded after {share_text(share.count, share.n)} complete sessions."
 
 
 def left_out_text(left_out: Mapping[str, int]) -> str:
-    """Say how many rehearsals are left out.
+    """Return the numbers of omitted rehearsals.
 
     >>> left_out_text({"pilot": 2, "training": 1})
     '2 pilot sessions, 1 training session'
@@ -195,7 +195,7 @@ def _robots(figures: StudyFigures) -> str:
 
 
 def _injected(figures: StudyFigures) -> str:
-    """Say which errors simulated robots were asked to make."""
+    """Return the faults that simulated robots were told to inject."""
     found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
     faults = dict.fromkeys(fault for faults in found for fault in faults)
     return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
@@ -338,7 +338,7 @@ def _scenario(figures: StudyFigures) -> list[str]:
 
 
 def _hashes_text(hashes: Mapping[str, str]) -> str:
-    """The first 16 digits of each; a scenario in several languages has one for each."""
+    """Return the first 16 digits of each hash; a scenario in several languages has one for each."""
     several = len(set(hashes.values())) > 1
     return ", ".join(f"{each[:16]} ({language})" if several else each[:16] for each, language in hashes.items())
 

@@ -1,4 +1,4 @@
-"""The facts of a study's report, counted from its sessions. Only one session is in memory; a row of each is kept."""
+"""The facts of a study's report, counted from its sessions. Only one session is in memory; one row of each is kept."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class WizardPart(Struct, frozen=True):
     keys: int
     """The number of their requests."""
     marked: int
-    """The number of keys marked as mistakes, or whose acts were."""
+    """The number of keys that were marked as mistakes, or whose acts were."""
     reactions: tuple[float, ...]
     """Seconds from cue to key of their answers, also through rules."""
 
@@ -54,7 +54,7 @@ class SessionRow(Struct, frozen=True):
     trials: tuple[float | None, ...] = ()
     """Its value in each trial."""
     left_out: tuple[tuple[int, NoNumber], ...] = ()
-    """The numbers of trials whose value is left out, with the reason."""
+    """The numbers of trials without a value, with the reason."""
 
     @property
     def is_complete(self) -> bool:
@@ -84,10 +84,10 @@ class WizardCourse(Struct, frozen=True):
     sessions: tuple[SessionRow, ...]
     """Complete sessions in their order."""
     rehearsals: tuple[SessionRow, ...]
-    """Rehearsals before the first session that counts, even if that was aborted."""
+    """Rehearsals before the first session that counts, even if that one was aborted."""
 
     def part_in(self, row: SessionRow) -> WizardPart:
-        """Return what they did in one of their sessions."""
+        """Return their part in one of their sessions."""
         return next(part for part in row.wizards if part.wizard == self.wizard)
 
     @property
@@ -103,10 +103,10 @@ class WizardCourse(Struct, frozen=True):
 
 
 class StudyFigures(Struct, frozen=True):
-    """Everything that is counted in a study's sessions."""
+    """All counts of a study's sessions."""
 
     rows: tuple[SessionRow, ...]
-    """All readable sessions, in the order in which they began."""
+    """All readable sessions, in the order of their starts."""
 
     @property
     def complete(self) -> tuple[SessionRow, ...]:
@@ -128,7 +128,7 @@ class StudyFigures(Struct, frozen=True):
 
     @property
     def actors(self) -> dict[ActorKind, int]:
-        """The number of acts that began in complete sessions, by who caused them."""
+        """The number of acts that began in complete sessions, by actor."""
         counts: Counter[ActorKind] = Counter()
         for row in self.complete:
             counts.update(row.figures.actors)
@@ -159,7 +159,7 @@ class StudyFigures(Struct, frozen=True):
         return {name: tuple(row for row in self.complete if row.facts.condition == name) for name in names}
 
     def wizards(self) -> tuple[WizardCourse, ...]:
-        """Return everybody who acted as a wizard in a complete session, most sessions first."""
+        """Return the wizards of complete sessions, those with the most sessions first."""
         courses = []
         for name in dict.fromkeys(part.wizard for row in self.complete for part in row.wizards):
             sessions = tuple(row for row in self.complete if any(part.wizard == name for part in row.wizards))
@@ -197,10 +197,10 @@ class StudyFigures(Struct, frozen=True):
         return {each: row.facts.language for row in self.complete for each in hashes_of(row.facts)}
 
     def scenario_versions(self, study: Study) -> int:
-        """Count the versions in complete sessions of the scenario that has most. A scenario in several languages is one
-        version, and so are the scenarios of two levels.
+        """Count the versions of the scenario with the most versions in complete sessions. A scenario in several
+        languages is one version, and so are the scenarios of two levels.
 
-        :param study: says which scenario is of which level.
+        :param study: the study, which assigns scenarios to levels.
         """
         versions: dict[tuple[str, str], set[str]] = {}
         for row in self.complete:
@@ -215,7 +215,7 @@ def hashes_of(facts: SessionFacts) -> tuple[str, ...]:
 
 
 def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> SessionRow:
-    """Collect the facts to keep of a session.
+    """Collect the facts of a session that are kept.
 
     :param data: the session at the report's level.
     :param checked: results of checks after the session from the study's log, by id.
@@ -252,7 +252,7 @@ def study_figures(
 ) -> StudyFigures:
     """Count the facts of a study.
 
-    :param sessions: its sessions in the order in which they began, rehearsals included; none is kept.
+    :param sessions: its sessions in the order of their starts, including rehearsals; none is kept.
     :param checked: results of checks after sessions from the study's log, by the sessions' folder names.
     """
     checked = checked or {}
@@ -260,8 +260,8 @@ def study_figures(
 
 
 def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
-    """Pool the latencies of several sessions as if they were one."""
-    every = [latencies(()), *found]  # the parts have their names even if there is no session
+    """Pool the latencies of several sessions."""
+    every = [latencies(()), *found]  # names the parts even without a session
     return LatencyFacts(
         parts=tuple(map(_join, zip(*(facts.parts for facts in every), strict=True))),
         response=_join([facts.response for facts in every]),

@@ -1,4 +1,4 @@
-"""The report of a study as a document: plan and reality, conditions, wizards, checks, the reporting sheet."""
+"""The report of a study as a document: progress, conditions, wizards, checks, the reporting sheet."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ class StudyReportInput(Struct, frozen=True):
     figures: StudyFigures
     level: ExportLevel = "full"
     shows_conditions: bool = True
-    """Whether conditions are shown. A study that hides them should not, until it is complete."""
+    """Whether conditions are shown. A study that hides them should not show them until it is complete."""
     withdrawn: Withdrawn = Withdrawn()
     problems: tuple[str, ...] = ()
-    """Sentences about what could not be read."""
+    """Sentences about unreadable parts."""
     left_out: dict[str, int] = {}
-    """For a bundle's report: the number of rehearsals that the bundle leaves out, by their purpose."""
+    """For a bundle's report: the number of omitted rehearsals, by their purpose."""
 
     @property
     def trials(self) -> list[TrialRow]:
@@ -147,7 +147,7 @@ def _banner(given: StudyReportInput) -> str:
 
 
 def _assignment(study: Study) -> str:
-    """Describe the assignment of cells and orders, for the kinds of factors that the study has."""
+    """Describe the assignment of cells and orders, for the study's kinds of factors."""
     named = {"between": study.assignment.between, "within": f"orders {study.assignment.within}"}
     return ", ".join(words for kind, words in named.items() if factors_of(study, kind))
 
@@ -223,7 +223,7 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
 
 
 def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
-    """List excluded participants, all aborted sessions, even if they were repeated, and changed or reassigned ones."""
+    """List excluded participants, all aborted sessions (even if repeated), and changed or reassigned ones."""
     for each in standing.participants:
         if each.state == "withdrawn":
             continue  # restored from a backup
@@ -469,7 +469,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
 
 
 def _other_languages(given: StudyReportInput) -> Iterable[str]:
-    """Name complete sessions whose robot did not speak the language of their factor or stratum."""
+    """List complete sessions whose robot did not speak the language of their factor or stratum."""
     strata = {each.participant: each.strata for each in given.standing.participants}
     for row in given.figures.complete:
         facts = row.facts

@@ -58,7 +58,7 @@ class TrialRow(Struct, frozen=True):
     """All trials, also those without a value."""
     people: int
     left_out: tuple[tuple[str, NoNumber], ...] = ()
-    """Trials whose value is left out, with the reason."""
+    """Trials without a value, with the reason."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -67,7 +67,7 @@ class TrialRow(Struct, frozen=True):
 
 
 def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[TrialRow]:
-    """Make a row for each measure and condition. Empty where no session has a trial.
+    """Make a row for each measure and condition. Empty: no session has a trial.
 
     :param conditions: names, with the complete sessions of each.
     """
@@ -115,7 +115,7 @@ def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
 
 
 def trials_summary(rows: Sequence[TrialRow]) -> str:
-    """Write the first sentence of the report: the dependent variable by condition. Empty where there is none."""
+    """Write the first sentence of the report: the dependent variable by condition. Empty: there is none."""
     told = [
         f"{number_text(median(row.values))}{_unit(row.measure)}{f' in {row.name}' if row.name else ''} "
         f"(n {len(row.values)}{_interval_words(row)})"
@@ -295,7 +295,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
 
 
 def left_out_answers(facts: LatencyFacts) -> str:
-    """Say how many answers no number here includes. Empty: all are in."""
+    """Return how many answers these numbers omit, as a sentence. Empty: none."""
     counts = (
         (facts.before_cue, "requested before the cue"),
         (facts.interrupted.get("outage", 0), "across an outage of the engine"),

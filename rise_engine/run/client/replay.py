@@ -1,4 +1,4 @@
-"""A recorded session, played to a console as if it happened now: the same `Client`, but without changes."""
+"""A recorded session, replayed to a console through the same `Client`, but without changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rise_engine.session.scenario_copies import load_session_scenario
 from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500
-"""Maximum number of records that a console gets at once, so that it can paint in between."""
+"""Maximum number of records in one batch, so that a console can paint in between."""
 
 _NOT_IN_REPLAY = Reply(False, "this is a replay: nothing can be changed in it")
 

@@ -1,6 +1,6 @@
 """Running sessions outside of this runtime folder (RISE_RUNTIME or XDG_RUNTIME_DIR), or on another computer.
 
-Their folders show them: the journal is locked, and a file beside it says where the session is reached.
+Their folders show them: the journal is locked, and a file beside it names the session's socket.
 """
 
 from __future__ import annotations

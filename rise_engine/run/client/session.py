@@ -106,12 +106,12 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """What the session runs: its acts, rules, start memory and robot."""
+        """The running scenario: its acts, rules, start memory and robot."""
         return self.attach_reply.scenario
 
     @property
     def view(self) -> SessionView:
-        """The present state, read-only; it changes whenever the program waits."""
+        """The present state, read-only. It changes whenever the program waits."""
         return self.attach_reply.view
 
     def now(self) -> float:
@@ -119,7 +119,7 @@ class Session:
         return self._client.now()
 
     def records(self) -> AsyncIterator[AnyRecord]:
-        """Yield every record from this call on, until the session ends. Each call has an iterator of its own.
+        """Yield every record from this call on, until the session ends. Each call has its own iterator.
 
         :return: for `async for`; records wait without a limit until they are taken.
         :raises LinkLost: while iterating, if this connection is cut.
@@ -243,7 +243,7 @@ class Session:
         return await self.submit("deleteValue", key)
 
     async def stop_all(self) -> int:
-        """Stop everything immediately; nothing starts until somebody releases the stop. Every role may do this.
+        """Stop everything immediately. Nothing starts until the stop is released. Every role may do this.
 
         :return: the task's id. `view.stop` shows what the robot has confirmed.
         """
@@ -359,7 +359,7 @@ class Session:
         if not reply.accepted:
             raise Rejected(reply.reason)
         task = reply.task
-        if task is not None:  # its records came before the answer; wait until they are applied here
+        if task is not None:  # the records came before the reply; wait until they are applied here
             await self.wait_until(lambda view: task in view.tasks)
         return task
 

@@ -1,9 +1,9 @@
-"""A recorded session, played to a second wizard, who sees its cues and presses keys that are sent nowhere.
+"""A recorded session, replayed to a second wizard, who sees its cues and presses keys that have no effect.
 
-It is the same `Client` as for a session. The first wizard's reaction to a cue, and its consequences, are held back from
-their first key until the second wizard has answered or the cue is over (by the next cue, its being taken back, or the
-end). So the second wizard decides with the same knowledge as the first: what the robot did up to the cue. The first
-wizard's later judgements are never shown: marks, notes, outcome.
+It implements the same `Client` as a running session. From the first wizard's first key after a cue, their reaction and
+its consequences are hidden. They appear when the second wizard has answered or the cue is over: by the next cue, by its
+removal, or by the end. So both wizards decide with the same knowledge: what the robot did up to the cue. The first
+wizard's later judgements (marks, notes, outcome) are never shown.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ from rise_engine.session.shadow import (
 from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500
-"""Maximum number of records that a console gets at once, so that it can paint in between."""
+"""Maximum number of records in one batch, so that a console can paint in between."""
 LEAST_WAIT = 0.001
-"""In seconds; a clock may not be able to wait for less."""
+"""In seconds: the shortest wait that a clock can measure."""
 _ABOUT_CUES = frozenset({"markCue", "undoCue"})
 _PEOPLE = ("wizard:", "observer:")
 _PAUSED = "paused: nothing is kept before it goes on"
@@ -108,7 +108,7 @@ class ShadowClient:
     ) -> None:
         """:param folder: the session's.
         :param wizard: the second wizard's name.
-        :param at: session time where playing starts; everything before is known from the start.
+        :param at: session time at which playing starts; earlier records are known from the start.
         :param speed: session seconds in a second.
         :param resume: continue this shadow where it stopped, with its own `at` and `speed`.
         """
@@ -128,13 +128,13 @@ class ShadowClient:
         """The cue that waits for this wizard's answer."""
         self._cues = self._shown = 0
         self._base, self._since = self._at, 0.0
-        """Session time at the last start or pause, and the clock then."""
+        """Session time at the last start or pause, and the clock's time then."""
         self._paused = True
         self._over = False
         self._wake = asyncio.Event()
         self._closed = False
         self._trouble = ""
-        """Why the latest line was not stored."""
+        """Why the last line was not stored."""
         self._writing = asyncio.Lock()
         self._pending: set[asyncio.Task[bool]] = set()
 
@@ -172,14 +172,14 @@ class ShadowClient:
         view.control = you = f"wizard:{self._wizard}"
         self._shown, self._cues = len(marked) - len(ahead), len(marked)
         self._records, self._scenario = records, scenario
-        if self._resume is not None:  # otherwise there is nothing to store before it is played
+        if self._resume is not None:  # otherwise nothing needs to be stored before the start
             self._writer = ShadowWriter.resume(self._resume.path)
         return AttachReply(
             scenario, info.mode, info.robot, info.seed, view, you=you, folder=str(self._folder), shadow=True
         )
 
     def _lies_ahead(self, record: AnyRecord) -> bool:
-        """Return whether a record is still to be played: by its time, or from the cue that is shown again."""
+        """Return whether a record still has to be played: by its time, or from the cue that is repeated."""
         return record.seq >= self._again if self._again else record.t >= self._at
 
     # --- records --------------------------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ class ShadowClient:
                 continue
 
     def _due(self) -> list[ClientUpdate]:
-        """Return what has become visible since the last call."""
+        """Return the updates that became visible since the last call."""
         batch: list[ClientUpdate] = list(self._own)
         self._own.clear()
         if not self._holds:
@@ -225,7 +225,7 @@ class ShadowClient:
         return batch
 
     def _take(self, record: AnyRecord) -> list[ClientUpdate]:
-        """Handle a record whose time has come; return what becomes visible because of it."""
+        """Handle a record that is due; return the updates that become visible by it."""
         if isinstance(record, CueRecord) and record.status in ("marked", "undone"):
             released: list[ClientUpdate] = [*self._held, record]
             self._held.clear()
@@ -254,7 +254,7 @@ class ShadowClient:
         return self._base + (time.monotonic() - self._since) * self._speed
 
     async def toggle_pause(self) -> str:
-        """Pause or continue; return why that is not possible, or empty."""
+        """Pause or continue; return why that is impossible, or empty."""
         if self._over:
             return "the session is over"
         if self._paused:
@@ -299,7 +299,7 @@ class ShadowClient:
             cue=cue.seq if cue is not None else None,
             filler=self._is_filler(message),
         )
-        if key.answers:  # before the disk has it: what comes now is not this cue's any more
+        if key.answers:  # before it is on the disk: later records do not belong to this cue
             self._cue = None
         if not await self._write(key):
             self._cue = self._cue or cue
@@ -329,7 +329,7 @@ class ShadowClient:
         return Reply(True, "kept, and sent nowhere")
 
     async def _write(self, line: ShadowLine) -> bool:
-        """Write a line; if that fails, pause, so that no pressed key is lost. Return whether the disk has it."""
+        """Write a line; if that fails, pause, so that no key is lost. Return whether it is on the disk."""
         async with self._writing:
             if self._closed:
                 return False
@@ -349,7 +349,7 @@ class ShadowClient:
         self._writer.append(line)
 
     def _write_soon(self, line: ShadowLine) -> None:
-        """Write a line without making the display wait for the disk. Lines are written in the order of the calls."""
+        """Write a line in the background, in the order of the calls."""
         writing = asyncio.get_running_loop().create_task(self._write(line))
         self._pending.add(writing)
         writing.add_done_callback(self._pending.discard)
@@ -361,7 +361,7 @@ class ShadowClient:
         return _NOT_HERE
 
     async def close(self, *, end_session: bool = False) -> None:
-        """Leave; the shadow can be resumed. `end_session` has no effect: there is no session to end."""
+        """Leave; the shadow can be resumed. `end_session` has no effect: no session runs."""
         if self._closed:
             return
         if not self._paused and not self._over:
@@ -376,14 +376,14 @@ class ShadowClient:
 
 
 def _is_deed(record: AnyRecord) -> bool:
-    """Return whether a record is the first sign of a wizard's decision, after which everything may follow from it."""
+    """Return whether a record is the first sign of a wizard's decision. Every later record may follow from it."""
     if isinstance(record, TaskRecord):
         return record.source.startswith("wizard:") and record.function not in _ABOUT_CUES
     return False
 
 
 def _is_hidden(record: AnyRecord) -> bool:
-    """Return whether a record is never shown: people's judgements of the session, and who had control."""
+    """Return whether a record is never shown: judgements of the session by people, and changes of control."""
     match record:
         case ControlRecord() | MistakeRecord() | OutcomeRecord():
             return True

@@ -55,9 +55,9 @@ from rise_engine.scenario.serialization import decode_scenario
 
 READ_BYTES = 262_144
 ATTACH_SECONDS = 15.0
-"""Seconds in which the engine must tell its state. An engine that stands still tells nothing."""
+"""Time limit in seconds for the engine to send its state. An engine that stands still sends none."""
 SLICE_SECONDS = 0.001
-"""Seconds of reading after which other tasks of the loop get their turn."""
+"""Seconds of reading before other tasks of the loop get their turn."""
 MAX_WAITING_RECORDS = 20_000
 """Maximum number of records that wait in `records`. With more, the connection is cut."""
 LOCK_RELEASE_SECONDS = 0.3
@@ -80,7 +80,7 @@ class SocketClient:
         """:param session: the name of a running session, or the path of its socket.
         :param who: the client's name in the record, without the role.
         :param role: what it may do.
-        :param scenario: what the session probably runs; with the right hash it is not loaded again.
+        :param scenario: the session's probable scenario; with the right hash it is not loaded again.
         """
         self._session = session
         self._name = who
@@ -88,12 +88,12 @@ class SocketClient:
         self._scenario = scenario
         self._connection: _ServerConnection | None = None
         self._clock_at_attach: tuple[float, float, float] | None = None
-        """Session time, speed, and the time of this process' clock then."""
+        """Session time, speed, and this process' clock at that moment."""
 
     async def attach(self) -> AttachReply:
-        """Attach as `Client` does. Raises EngineGone, with the engine's sentence, also if the engine refuses.
+        """Attach as `Client` does. Raises EngineGone with the engine's sentence, also if the engine refuses.
 
-        An engine that stands still may go on: for a client that was attached before, only the link is lost.
+        A client that was attached before gets LinkLost if the engine does not answer, because the engine may continue.
         """
         await self._disconnect()
         connection = await _ServerConnection.open(self._socket_path())
@@ -103,7 +103,7 @@ class SocketClient:
             scenario = await self._find_scenario(hello, connection.scenario)
         except TimeoutError:
             await connection.close()
-            gone = EngineGone if self._clock_at_attach is None else LinkLost  # who was attached tries again
+            gone = EngineGone if self._clock_at_attach is None else LinkLost  # a client that was attached tries again
             raise gone(
                 f"the engine of the session at {self._socket_path()} gives no sign of life: look at the robot, and "
                 "at the computer that runs the engine"
@@ -187,9 +187,9 @@ class SocketClient:
             await connection.close()
 
     async def _find_scenario(self, hello: HelloMessage, encoded: bytes) -> Scenario:
-        """Return the scenario that the engine sent, or else read the copy in the session's folder."""
+        """Return the scenario that the engine sent, or read the copy in the session's folder."""
         if encoded:
-            with suppress(ValueError):  # an engine of another release may encode it differently
+            with suppress(ValueError):  # another release may encode it differently
                 self._scenario = decode_scenario(encoded)
         if self._scenario is None or self._scenario.hash != hello.scenario_hash:
             folder = Path(hello.folder)
@@ -224,18 +224,18 @@ class _ServerConnection:
         self.state: asyncio.Future[tuple[HelloMessage, SessionView]] = loop.create_future()
         """Done when the state is complete."""
         self.hello_at = 0.0
-        """When `hello` came, by this process' clock."""
+        """The arrival of `hello`, by this process' clock."""
         self.scenario = b""
         """The session's scenario, if the engine sent it."""
         self._hello: HelloMessage | None = None
-        """The `hello` of a state in transfer, and the tasks of it that have come."""
+        """The `hello` of a state in transfer, and its tasks that have arrived."""
         self._tasks: list[TaskView] = []
         self._updates: deque[Update] = deque()
         self._arrived = asyncio.Event()
         self._error: EngineGone | None = None
         self._reason: EngineGone = LinkLost("this client has left the session")
         self.ended = asyncio.Event()
-        """Set when nothing more comes."""
+        """Set when nothing more arrives."""
         self.ended_at: float | None = None
         self._reading = asyncio.create_task(self._read())
 
@@ -292,7 +292,7 @@ class _ServerConnection:
         began = time.monotonic()
         try:
             while True:
-                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others get their turn
+                if time.monotonic() - began > SLICE_SECONDS:  # after much data, let other tasks run
                     await asyncio.sleep(0)
                     began = time.monotonic()
                 message = await self._read_message()
@@ -311,7 +311,7 @@ class _ServerConnection:
             case RecordsMessage(records=records):
                 self._add_updates(*records)
                 if len(self._updates) > MAX_WAITING_RECORDS:
-                    self._updates.clear()  # attaching again gets a state that includes them all
+                    self._updates.clear()  # the state after the next attaching includes all of them
                     raise LinkLost("this client fell too far behind the engine; attach again")
             case JournalStatusMessage(journaling=journaling):
                 self._add_updates(journaling)
@@ -353,10 +353,10 @@ class _ServerConnection:
         for future in waiting:
             if not future.done():
                 future.set_exception(self._reason)
-                future.exception()  # perhaps nobody waits
+                future.exception()  # nothing may be waiting for it
 
     async def _reason_for_cut(self) -> EngineGone:
-        """Find why the connection ended without a message. An engine's lock goes with its process."""
+        """Return why the connection ended without a message. An engine's lock ends with its process."""
         lock = registry.lock_path(self._path)
         deadline = time.monotonic() + LOCK_RELEASE_SECONDS
         while is_locked(lock):

@@ -1,1 +1,1 @@
-"""A kernel with the parts that it lacks: a clock, a journal, a robot."""
+"""A kernel with a clock, a journal and a robot."""

@@ -38,7 +38,7 @@ def seconds_between_labels(before: str, now: str) -> float | None:
 
 
 class SessionClock(Clock, Protocol):
-    """The engine's needs: the robot's clock, and the label for records."""
+    """The clock of the engine: the robot's clock, with labels for records."""
 
     speed: float
     """Session seconds in a second of the wall clock; 1 for a virtual clock."""
@@ -59,7 +59,7 @@ class _VirtualTimer:
 
 
 class VirtualClock:
-    """Time that passes only when somebody calls `advance`, without thread, loop or waiting.
+    """Time that passes only by calls of `advance`, without thread, loop or waiting.
 
     Its wall labels begin at 1970-01-01T00:00:00.000+00:00, so that the same scenario, seed and inputs give the same
     output, byte for byte.
@@ -70,7 +70,7 @@ class VirtualClock:
     def __init__(self) -> None:
         self._now = 0.0
         self._heap: list[tuple[float, int, _VirtualTimer]] = []
-        """The time, a number, and the timer; a cancelled one stays here until its time has come."""
+        """The time, a number, and the timer. A cancelled timer stays here until it is due."""
         self._numbers = count()
 
     def now(self) -> float:
@@ -80,7 +80,7 @@ class VirtualClock:
         return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        # In microseconds, like the engine's times: timers that are due together run in the order of their setting.
+        # Rounded like the engine's times: timers that are due together run in the order of their setting.
         timer = _VirtualTimer(callback)
         heappush(self._heap, (max(round(when, 6), self._now), next(self._numbers), timer))
         return timer
@@ -104,14 +104,14 @@ class VirtualClock:
         return True
 
     def pass_until(self, when: float) -> None:
-        """Let time pass until `when`: timers before it run, those at `when` wait for `advance`."""
+        """Let time pass until `when`: earlier timers run, those at `when` wait for `advance`."""
         while (due := self.next_at) is not None and due < when:
             self.advance()
         self._now = max(self._now, when)
 
 
 _WAITED = 0.05
-"""Seconds from which on an input counts as one that has waited. Others are handled at once."""
+"""Delay in seconds from which an input gets a time of its own. Others are handled immediately."""
 
 
 class RealClock:
@@ -141,7 +141,7 @@ class RealClock:
         return (self._loop.time() - self._origin) * self.speed
 
     def wall_label(self, t: float) -> str:
-        waited = (self.now() - t) / self.speed  # what happened while nothing could be recorded has its own time
+        waited = (self.now() - t) / self.speed  # what happened while nothing could be recorded keeps its own time
         milliseconds = time_ns() // 1_000_000 - (int(waited * 1000) if waited > _WAITED else 0)
         moment = datetime.fromtimestamp(milliseconds / 1000, UTC)
         return moment.astimezone().isoformat(timespec="milliseconds")

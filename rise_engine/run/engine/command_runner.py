@@ -1,6 +1,6 @@
-"""The execution of the kernel's commands: timers on the session's clock, actions on the robot.
+"""Carries out the kernel's commands: timers on the session's clock, actions on the robot.
 
-An adapter's exception ends here. It becomes a report, so that the record says what went wrong.
+An adapter's exception ends here: it becomes a report, and so a record.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ class CommandRunner:
         """Session time of the robot's last sign of life; None if its driver does not know, or has failed."""
         try:
             return self._robot.last_seen()
-        except Exception:  # other people's adapter, perhaps older than this method
+        except Exception:  # an adapter of another author may fail, or lack this method
             return None
 
     def connect(self, unfinished: Iterable[StartAction] = (), held_by: Sequence[str] = ()) -> None:
-        """Connect to the robot, which may still do actions left `unfinished` by an earlier engine. `held_by`: the
-        emergency stops that were pressed for it."""
+        """Connect to the robot. `unfinished`: an earlier engine's actions; `held_by`: the emergency stops pressed for
+        it."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
         if held_by and isinstance(robot, RobotWithEstop):
@@ -114,7 +114,7 @@ class CommandRunner:
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):
                 if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
-                    # It continues until it ends or its time is over.
+                    # It continues until it ends, or until its time limit.
                     self._post(Note(text=f"{action} could not be cancelled: {failure}"))
             case CancelOpenGoals() | ReleaseOpenGoals():
                 self._settle_open_goals(command)
@@ -129,7 +129,7 @@ class CommandRunner:
 
     def _settle_open_goals(self, command: CancelOpenGoals | ReleaseOpenGoals) -> None:
         robot = self._robot
-        assert isinstance(robot, RobotWithOpenGoals)  # no other robot reports open goals
+        assert isinstance(robot, RobotWithOpenGoals)  # only such a robot reports open goals
         settle = robot.cancel_open_goals if isinstance(command, CancelOpenGoals) else robot.release_open_goals
         if failure := self._call_robot("settle open goals", lambda: settle(command.part)):
             self._post(Note(text=f"that had no effect: {failure}"))
@@ -153,7 +153,7 @@ class CommandRunner:
         """Call the robot's adapter; return a sentence if it fails or cannot do that, otherwise an empty text."""
         try:
             call()
-        except Exception as error:  # other people's code
+        except Exception as error:  # code of another author
             _LOG.exception("the robot adapter failed to %s", what)
             return f"the robot adapter failed ({error_text(error)})"
         return ""

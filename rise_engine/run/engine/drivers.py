@@ -1,6 +1,6 @@
-"""The search for a robot's code: drivers in the group `rise.drivers`, connections in the group `rise.bridges`.
+"""Finds a robot's code: drivers in the group `rise.drivers`, connections in the group `rise.bridges`.
 
-Entry points name them; none is imported by name. A bridge shares a session's connection. A profile (data, see
+Entry points name them; nothing is imported by name. A bridge shares a session's connection. A profile (see
 docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`: no robot moves.
 """
 
@@ -30,11 +30,11 @@ ROS_BRIDGE = "ros2"
 
 
 class RobotOptionsError(RiseError):
-    """The driver cannot understand the profile's options or a fault. The message is a sentence for a person."""
+    """The profile's options or a fault are invalid for the driver. The message is a sentence for a person."""
 
 
 def driver_names() -> set[str]:
-    """Return the possible values of a profile's `driver` here: the installed drivers, and the bridges."""
+    """Return the values that a profile's `driver` can have here: the installed drivers and bridges."""
     return installed_plugins(DRIVERS).names | installed_plugins(BRIDGES).names
 
 
@@ -42,7 +42,7 @@ def _load_plugin(entry: EntryPoint, what: str) -> Any:
     """Load the code of an entry point. Raises AdapterError, in which `what` names it."""
     try:
         return entry.load()
-    except Exception as error:  # other people's code runs at import
+    except Exception as error:  # importing it runs code of other authors
         raise AdapterError(f"{what} ({entry.value}) cannot be loaded: {error}") from error
 
 
@@ -142,13 +142,12 @@ def load_ros_plugin(group: str) -> Any:
 
 
 def unstoppable_actions(findings: Iterable[ProfileFinding]) -> list[str]:
-    """Return the actions that nothing stops, among the findings about a profile."""
+    """Return the actions that nothing can stop, among the findings about a profile."""
     return [each.where.split(".")[1] for each in findings if each.kind == "unstoppable"]
 
 
 def robot_warnings(scenario: Scenario) -> list[str]:
-    """Return what people have to know of the robot before a real session: that it is only simulated, or what F9 cannot
-    stop on it. None for a rehearsal."""
+    """Return warnings about the robot before a real session: it is only simulated, or F9 cannot stop an action."""
     profile = scenario.robot
     if scenario.mode != "real":
         return []
@@ -164,7 +163,7 @@ def robot_warnings(scenario: Scenario) -> list[str]:
 def needed_actions(scenario: Scenario) -> frozenset[str]:
     """Return the robot's actions that a scenario can use, including free speech of a wizard.
 
-    An action of the engine does not count. An action that the robot replaces by another counts as that other one.
+    Actions of the engine do not count. An action that the robot replaces counts as its replacement.
     """
     used = {call.type for act in scenario.acts.values() for action in act.actions for call in action.calls}
     if not why_not_speak(scenario):

@@ -4,11 +4,10 @@ One step: input -> time -> kernel -> journal -> records to the sinks -> commands
 and belongs to one thread. Real time comes from a `RealClock` on an asyncio loop, virtual time from a caller who
 advances a `VirtualClock`.
 
-With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins, no stop
-ends and nobody gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what
-makes the robot safe (cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it
-accepts only these from outside. Reports of the robot and the timers are kept, with their time, until they can be
-recorded.
+With a journal, the effects of a step wait until the step is on the disk: records for consoles, starts on the robot, the
+end of a stop, and replies. The loop continues meanwhile. Only cancels and stop-all, which make the robot safe, never
+wait for the disk. While the disk fails, the session is paused and accepts only these from outside. Reports of the robot
+and elapsed timers are kept, with their time, until they can be recorded.
 """
 
 from __future__ import annotations
@@ -55,19 +54,19 @@ from rise_engine.session.recovery import RecoveredSession
 _LOG = logging.getLogger(__name__)
 
 LAG_SHOWN_FROM = 0.5
-"""Seconds of the disk's lag above which clients get to know it."""
+"""Seconds of the disk's lag above which clients get a status."""
 
 MOST_LATE_SECONDS = 5.0
-"""An action whose record took longer does not begin: nobody expects it any more."""
+"""Maximum seconds from an action's step to its start. After that, nobody expects it and it does not begin."""
 
 END_SECONDS = 6.0
-"""Seconds of session time that the robot gets to end everything before the session ends without it."""
+"""Seconds of session time for the robot to end everything before the session ends without it."""
 
 Sink = Callable[[AnyRecord], None]
 """A sink gets every record, in order, on the engine's thread. It must not block; a sink that raises is removed."""
 
 ReplyCallback: TypeAlias = Callable[[Reply], None]
-"""A callback that gets the reply to an input, once."""
+"""Takes the reply to an input, once."""
 
 
 def _ignore_reply(reply: Reply) -> None:
@@ -81,7 +80,7 @@ class _UnrecordedStep(Struct):
     records: list[AnyRecord]
     starts: list[StartAction]
     ends_stop: bool
-    """Whether a stop is released, and everything has not been stopped again since."""
+    """Whether it releases a stop, and no later stop was requested."""
     on_reply: ReplyCallback
     reply: Reply
     t: float
@@ -150,15 +149,15 @@ class Engine:
             first, versions=versions(), driver=driver_name_for(scenario.robot, scenario.mode)
         )
         self.ended = False
-        """Whether the session is over; then it accepts nothing any more."""
+        """Whether the session is over and accepts nothing any more."""
         self.open_goals: tuple[OpenGoal, ...] = ()
-        """What the robot may still have been doing when the session ended."""
+        """The robot's open goals at the end of the session."""
         self.failure: Exception | None = None
         """The engine's own error that ended the session."""
         self.inputs = recovered.inputs if recovered is not None else 0
-        """How many inputs were handled."""
+        """The number of handled inputs."""
         self.after_inputs: Callable[[], object] | None = None
-        """Called after inputs were handled, outside of any step: the moment to check whether the session is idle."""
+        """Called after inputs, outside of any step: the moment to check whether the session is idle."""
         self.journal_status = JournalStatus()
         """The state of the session's record."""
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
@@ -179,24 +178,24 @@ class Engine:
         self._end_reason: str | None = None
         self._last_record_made = False
         self._recorded_stop = _stop_in_force(recovered)
-        """The stop in force as the sinks know it."""
+        """The stop in force, as the sinks know it."""
         self._end_by = inf
-        """The session time at which the session ends without the robot."""
+        """The session time at which the session ends without waiting for the robot."""
         self._delayed_from: float | None = None
-        """The session time since which nothing can be recorded. None: it can."""
+        """The session time since which nothing can be recorded; None: recording works."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin: the session's first record, then the robot. Call it once, or call `resume` instead.
+        """Begin: make the session's first record, then connect the robot. Call it once, or call `resume` instead.
 
-        :raises Exception: the kernel's exception, after the engine has ended because of it (`failure`).
+        :raises Exception: the kernel's, after it has ended the engine (`failure`).
         """
         self.accept(self._session_started)
         self._commands.connect()
 
     def resume(self, *, waits_for_wizard: bool = False) -> None:
-        """Continue a session whose engine has gone: timers with their remaining time, then the robot.
+        """Continue a session whose engine has gone: set the remaining timers, then connect the robot.
 
         Call it once, instead of `start`, on an engine made with a `recovered` session; it raises as `start` does.
 
@@ -204,17 +203,17 @@ class Engine:
         """
         for timer, at in sorted(self._timers_left.items(), key=lambda item: (item[1], item[0])):
             self._commands.set_timer(timer, at)
-        self._stepping = True  # the robot is there before any command goes out to it, and its report follows the record
+        self._stepping = True  # the robot must be connected before any command, and its report must follow the record
         try:
             self._commands.connect(self._kernel.unfinished_goals(), self._kernel.stop.held_by)
         finally:
             self._stepping = False
         now = self.clock.now()
         away = seconds_between_labels(self._wall_before, self.clock.wall_label(now))
-        # The engine before this one lived longer than its last record: it has noted how much.
+        # The earlier engine lived longer than its last record. It has noted for how long.
         lived_on = (now - self._t_before) / self.clock.speed
         downtime = None
-        if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
+        if away is not None and away > lived_on - 1.0:  # otherwise the computer's clock was set back
             downtime = round(max(0.0, away - lived_on), 3)
         self.accept(
             SessionRecovered(
@@ -255,7 +254,7 @@ class Engine:
     def end_now(self, reason: str = "") -> None:
         """End the session without waiting for the robot, and record what still runs as lost.
 
-        The last record says what the robot may still be doing.
+        The last record names the robot's open goals.
 
         :param reason: why, for the record; an earlier reason given to `end` takes precedence.
         """
@@ -266,13 +265,13 @@ class Engine:
             running = self._kernel.scheduler.runner.running_goals()
             left = tuple(OpenGoal(f"{name}/{goal.type}", goal.action, goal.type, why) for goal in running)
             self.post(RobotChanged(status="lost", detail=why, open=(*core.open_goals, *left)))
-        if not self._last_record_made and not self.paused:  # the kernel may have become idle by that
+        if not self._last_record_made and not self.paused:  # the kernel may be idle now
             self._record_end()
 
     def abandon(self) -> None:
-        """End immediately, even with unrecorded steps, if the session has not ended; ask the robot to stop.
+        """End immediately, even with unrecorded steps, and ask the robot to stop.
 
-        For a session that `end_now` could not end, because the disk does not take the last records.
+        For a session that `end_now` could not end, because the disk does not accept the last records.
         """
         if not self.ended:
             self._commands.stop_robot()
@@ -282,19 +281,19 @@ class Engine:
 
     @property
     def kernel(self) -> Kernel:
-        """The session's state, for observers of a played one. Only inputs change it."""
+        """The session's state, for observers in the same process. Only inputs change it."""
         return self._kernel
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing for ended actions, and can be asked to stop."""
+        """The open goals that hold a part of the robot, and can be asked to stop."""
         reported = (input.open for input, _ in reversed(self._queue) if isinstance(input, RobotChanged))
-        goals = next(reported, self._kernel.core.open_goals)  # the kernel does not know what cannot be recorded
+        goals = next(reported, self._kernel.core.open_goals)  # the kernel does not know unrecorded reports
         return tuple(goal for goal in goals if goal.holds)
 
     @property
     def waits_for_wizard(self) -> bool:
-        """Whether nothing begins because the session was recovered and no wizard has had control since."""
+        """Whether nothing may begin because no wizard has had control since the session was recovered."""
         return self._kernel.core.waits_for_wizard
 
     @property
@@ -304,7 +303,7 @@ class Engine:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing will happen without an input: nothing runs, no timer is set. Waiting rules do not count."""
+        """Whether nothing happens without an input: nothing runs, and no timer is set. Waiting rules do not count."""
         return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
 
     @property
@@ -335,15 +334,15 @@ class Engine:
         """Take one input from outside.
 
         :param input: what happened; its time is set here.
-        :param answer: gets the reply, once the input is recorded and the sinks have had it. It is called once, perhaps
-            before this returns, also if the input is refused because the session has ended or is paused.
+        :param answer: gets the reply once, after the input is recorded and the sinks have it. A refusal, because the
+            session has ended or is paused, may come before this returns.
         :raises RuntimeError: inside a step. Robots and sinks use `post`.
         """
         if self._stepping:
             raise RuntimeError("accept() was called inside a step; use post()")
         if self._last_record_made:
             answer(Reply(False, "the session has ended"))
-        elif isinstance(input, SessionStarted | SessionRecovered):  # before what the robot has reported meanwhile
+        elif isinstance(input, SessionStarted | SessionRecovered):  # before earlier reports of the robot
             self._queue.appendleft((self._with_time(input), answer))
             if self.paused and self._kernel.stop.latched:
                 self._carry_out_before_recording(StopRobot())
@@ -355,7 +354,7 @@ class Engine:
             self._take(input, answer)
 
     def why_not_take_over(self, scenario: Scenario) -> list[str]:
-        """Return why the session cannot continue with another scenario now: sentences, none if it can."""
+        """Return why the session cannot continue with another scenario now; empty: it can."""
         if self._last_record_made or self._end_reason is not None:
             return ["the session is ending"]
         return self._kernel.why_not_take_over(scenario)
@@ -373,7 +372,7 @@ class Engine:
             return False
         self._kernel.offered = scenario
         self.accept(ScenarioChanged(hash=scenario.hash, was=self.scenario.hash, copy=copy, source=source), answer)
-        if self._kernel.scenario is not scenario:  # nothing can be recorded now; the answer has said so
+        if self._kernel.scenario is not scenario:  # nothing can be recorded now; the reply says so
             self._kernel.offered = None
             return False
         self.scenario = scenario
@@ -381,7 +380,7 @@ class Engine:
         return True
 
     def post(self, input: AnyInput) -> None:
-        """Take one input after the present step, if there is one, so that steps never nest. There is no reply.
+        """Take one input after the present step, if any, so that steps never nest. There is no reply.
 
         :param input: what happened; its time is set here. After the session's end it is dropped.
         """
@@ -397,10 +396,10 @@ class Engine:
             self._process_queue()
 
     def _stop_while_paused(self, input: AnyInput) -> None:
-        """Make the robot safe if the input requests that, although nothing can be recorded, and tell what is known
-        about stops. What has not gone out yet never starts."""
+        """Make the robot safe if the input requests that, although nothing can be recorded, and publish what is known
+        about stops. Actions that were not sent never start."""
         if requests_stop(input):
-            for step in tuple(self._unrecorded_steps):  # more may come, because the disk may be back at any moment
+            for step in tuple(self._unrecorded_steps):  # a copy: more steps may come while the disk recovers
                 starts, step.starts[:] = tuple(step.starts), ()
                 for start in starts:
                     self._post_not_begun(start)
@@ -424,7 +423,7 @@ class Engine:
         return replace(input, t=max(self._t, round(self.clock.now(), 6)))
 
     def _step(self, input: AnyInput, answer: ReplyCallback) -> None:
-        """Handle one input; everything that happens, happens here."""
+        """Handle one input. All changes happen here."""
         self._stepping = True
         try:
             if input.t < self._t:
@@ -440,10 +439,10 @@ class Engine:
             self.inputs += 1
             try:
                 records, commands = self._kernel.handle(input)
-            except Exception as error:  # whatever the error is, the robot must not continue
+            except Exception as error:  # after any error, the robot must stop
                 self._fail(error)
                 raise
-            wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
+            wall = self.clock.wall_label(self._t)  # all records of a step have one time
             for record in records:
                 record.wall = wall
             reply = _reply_for(input, records)
@@ -455,7 +454,7 @@ class Engine:
             else:
                 position = self._journal.append(join_step(line, map(encode_record, records)))
                 starts = [command for command in commands if isinstance(command, StartAction)]
-                # Before the safe commands: a cancel may concern an action that has not gone out yet.
+                # Before the commands that need no record: a cancel may concern an action that was not sent yet.
                 ends_stop, t = EndStop() in commands, self._t
                 step = _UnrecordedStep(position, records, starts, ends_stop, answer, reply, t, suspended_seconds())
                 self._unrecorded_steps.append(step)
@@ -470,14 +469,14 @@ class Engine:
     def flush_durable(self) -> None:
         """Send out what has become durable: records to the sinks, actions to the robot, replies to their callers.
 
-        The journal's `changed` calls for this. Somebody else should call it about twice a second, so that a lag shows.
+        The journal's `changed` requests this call. Call it also about twice a second, to publish a lag.
         """
         journal = self._journal
         if journal is None:
             return
         outgoing, durable = self._unrecorded_steps, journal.durable
         if outgoing and outgoing[0].position <= durable:
-            self._stepping = True  # inputs that sinks and robots post meanwhile come after
+            self._stepping = True  # so that inputs posted by sinks and robots come after this
             try:
                 steps = []
                 while outgoing and outgoing[0].position <= durable:
@@ -491,7 +490,7 @@ class Engine:
                         self._commands.run(start)
                     try:
                         step.on_reply(step.reply)
-                    except Exception:  # its caller's code; what comes after must not be lost
+                    except Exception:  # the caller's code; later replies must not be lost
                         _LOG.exception("a reply could not be passed on")
             finally:
                 self._stepping = False
@@ -505,8 +504,8 @@ class Engine:
                 self.end_now()
 
     def _drop_late(self, steps: Iterable[_UnrecordedStep]) -> None:
-        """Begin nothing of steps that were recorded too late, and nothing that they have added to the queue: nobody
-        expects it any more. What waits behind a Blocking act whose action does not begin is cancelled, too."""
+        """Drop the starts of steps that were recorded too late, and the tasks that these steps added to the queue.
+        Tasks that wait behind a dropped Blocking act are cancelled, too."""
         late = [step for step in steps if self._age(step) > MOST_LATE_SECONDS]
         if not late:
             return
@@ -516,10 +515,10 @@ class Engine:
         scheduler, dropped = self._kernel.scheduler, {start.action.partition("/")[0] for start, _ in starts}
         runs = [run for id, run in scheduler.runner.runs.items() if str(id) in dropped]
         is_behind = any(run.task.calling_type != "None" for run in runs)
-        # What waits for a wizard begins only by their word.
+        # While the session waits for a wizard, tasks begin only on the wizard's request.
         waiting = [] if self.waits_for_wizard else scheduler.waiting
         waiting = [task for task in waiting if is_behind or late[0].t <= task.accepted_at <= late[-1].t]
-        for task in waiting:  # they must be gone before a start's end makes room
+        for task in waiting:  # before the end of a start makes room for them
             self.post(Submit(function="cancelTask", behavior=str(task.id), source="engine"))
         if waiting:
             why = f"the record was up to {self._age(late[0]):.0f} s late"
@@ -528,7 +527,7 @@ class Engine:
             self._post_not_begun(start, f"it was recorded {age:.0f} s late, so it was not begun")
 
     def _age(self, step: _UnrecordedStep) -> float:
-        """Return how many real seconds ago a step was. Session time stands still while the computer is suspended."""
+        """Return the age of a step in real seconds. Session time stands still while the computer is suspended."""
         return (self.clock.now() - step.t) / self.clock.speed + suspended_seconds() - step.suspended
 
     def _update_journal_status(self) -> None:
@@ -537,16 +536,16 @@ class Engine:
         error = journal.error
         self._note_delay(journal)
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
-        is_told = bool(error) or lag > 1 or self.journal_status.stop is not None  # what was told stays until recorded
+        is_told = bool(error) or lag > 1 or self.journal_status.stop is not None  # a stop is told until recorded
         now = JournalStatus(self._seq, lag, error, self._find_unrecorded_stop() if is_told else None)
         before, self.journal_status = self.journal_status, now
         if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)
 
     def _note_delay(self, journal: Journal) -> None:
-        """Note afterwards that nothing could be recorded for a while: nobody could be answered then."""
+        """Note afterwards that nothing could be recorded for a while, because no reply was possible then."""
         now = self.clock.now()
-        # A disk that hangs shows a shorter lag first. Without one, this engine has stood still, and notes that itself.
+        # A failing disk shows a shorter lag first. Without one, the engine itself stood still, and notes that.
         if journal.error or (journal.lag > MOST_LATE_SECONDS and self.journal_status.behind):
             if self._delayed_from is None:
                 self._delayed_from = now - journal.lag * self.clock.speed
@@ -557,7 +556,7 @@ class Engine:
             self.post(Note(text=text, stood=round(seconds, 3)))
 
     def _find_unrecorded_stop(self) -> UnrecordedStop | None:
-        """Return the stop in force, with the robot's answer, if something of it is not recorded yet."""
+        """Return the stop in force with the robot's answer, if part of it is not recorded yet."""
         stop = self._recorded_stop
         for step in self._unrecorded_steps:
             for record in step.records:
@@ -573,14 +572,14 @@ class Engine:
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
-                except Exception as error:  # other people's code
+                except Exception as error:  # code of another author
                     _LOG.exception("an output failed and gets no more records")
                     self._sinks.remove(sink)
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
-        """Carry out a command that needs no record first. An action cancelled before it went out never starts, and a
-        stop is not ended by the release of one before it."""
+        """Carry out a command that needs no record first. An action that it cancels before sending never starts, and a
+        stop stays when an earlier one is released."""
         if isinstance(command, CancelAction):
             for step in self._unrecorded_steps:
                 for start in step.starts:
@@ -600,12 +599,12 @@ class Engine:
 
     @property
     def _is_robot_busy(self) -> bool:
-        """Whether an act runs or waits, a stop is unanswered, or the robot may still be doing what has ended here."""
+        """Whether an act runs or waits, a stop is unanswered, or open goals hold a part of the robot."""
         return self._kernel.is_busy or bool(self._kernel.holding_goals)
 
     @property
     def _must_stop_first(self) -> bool:
-        """Whether the robot is stopped before the end. What waits to be recorded may begin something."""
+        """Whether the robot must be stopped before the end. Unrecorded inputs may begin something."""
         return self._is_robot_busy or bool(self._queue) or self.paused
 
     def _end_if_idle(self) -> None:
@@ -651,7 +650,7 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
 
 
 def requests_stop(input: AnyInput) -> bool:
-    """Whether an input stops everything. It never waits, whatever else does."""
+    """Whether an input stops everything. Such an input never waits."""
     if isinstance(input, EstopReport):
         return input.pressed
     return isinstance(input, Submit) and input.function == "stopAll"
@@ -681,5 +680,5 @@ def _stop_after(stop: UnrecordedStop | None, news: AnyInput | AnyRecord) -> Unre
 
 
 def versions() -> dict[str, str]:
-    """Return the versions behind a session's records: of this program and its Python."""
+    """Return the versions that made a session's records: of this program and its Python."""
     return {"rise-tui": __version__, "python": platform.python_version()}

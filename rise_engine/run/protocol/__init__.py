@@ -1,2 +1,1 @@
-"""The link between a session and its clients: interface, messages and registry (other languages:
-docs/reference/link.md)."""
+"""The link between a session and its clients (other languages: docs/reference/link.md)."""

@@ -1,4 +1,4 @@
-"""The one interface between a console and an engine: messages, never calls into the engine (console.md 4.1, 5.1).
+"""The only interface between a console and an engine: messages, never calls into the engine (console.md 4.1, 5.1).
 
 A console, a feature node or a test uses a `Client`. `rise_engine.run.client.socket` implements it over the session's
 socket, `rise_engine.run.client.replay` over the record of a session.
@@ -18,23 +18,23 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 
 Role: TypeAlias = Literal["wizard", "observer", "node"]
-"""wizard: a console that may have control. observer: only watches, but may stop everything and add notes. node: a
-program, which may submit tasks at any time, like a ROS node."""
+"""wizard: a console that may have control. observer: watches, adds notes, and may stop everything. node: a program,
+which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
-"""Take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
-while nobody has control gets it, except in a recovered session that waits for a wizard: taking it lets that go on."""
+"""take: whoever has it. ask: the holder for it. give: to the asker. release: to nobody. A wizard who attaches while
+nobody has control gets it, unless a recovered session waits for a wizard. There, taking control continues it."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
-"""What a client may send. The engine sets the time and the source."""
+"""The inputs of a client. The engine sets the time and the source."""
 
 
 class UnrecordedStop(Struct, frozen=True):
-    """The last stop of a session that can record nothing now. Its records follow."""
+    """The last stop of a session that cannot record now. Its records follow."""
 
     source: str
     answered: bool = False
-    """Whether the robot has answered; the rest is its last answer, as in `StopReport`."""
+    """Whether the robot has answered. The other fields are its last answer, as in `StopReport`."""
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     unstoppable: tuple[str, ...] = ()
@@ -50,16 +50,16 @@ class UnrecordedStop(Struct, frozen=True):
 
 
 class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
-    """The state of the session's record. It comes among the records whenever it changes, and is not a record itself."""
+    """The state of the session's record, sent among the records whenever it changes. It is not a record itself."""
 
     durable: int = 0
-    """All records up to this `seq` are on the disk. Clients get records only then."""
+    """All records up to this `seq` are on the disk. Clients get only these."""
     behind: float = 0.0
-    """Seconds for which the oldest input has been waiting for the disk; 0 if nothing waits."""
+    """Seconds that the oldest input has been waiting for the disk; 0: nothing waits."""
     trouble: str = ""
     """Why nothing can be recorded, for a person. While this is set, the session is paused."""
     stop: UnrecordedStop | None = None
-    """The last stop, if its record is not on the disk; None: there is none."""
+    """The last stop, if its record is not on the disk; None: no such stop."""
 
     @property
     def sentence(self) -> str:
@@ -68,7 +68,7 @@ class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
 
 
 class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
-    """Signs of life, about once a second, among the records; not a record itself."""
+    """A sign of life, sent about once a second among the records. It is not a record itself."""
 
     robot_seen: float | None = None
     """Session time of the robot's last sign of life; None: its driver does not know."""
@@ -88,7 +88,7 @@ class ShadowStatus(Struct, frozen=True):
     cues: int
     """How many cues there are."""
     kept: bool = True
-    """Whether its file exists already."""
+    """Whether its file exists."""
 
 
 Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat
@@ -96,7 +96,7 @@ ClientUpdate: TypeAlias = Update | ShadowStatus
 
 
 class AttachReply(Struct, frozen=True):
-    """The reply to an attaching client: this snapshot plus later records is the live state."""
+    """The reply to an attaching client: this snapshot and the later records give the live state."""
 
     scenario: Scenario
     mode: str
@@ -104,17 +104,16 @@ class AttachReply(Struct, frozen=True):
     robot: str
     seed: int
     view: SessionView
-    """The state at `view.seq`; the next record has the next number."""
+    """The state at `view.seq`. The next record has the next number."""
     you: str = ""
-    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna. `view.control` names the
-    holder of control."""
+    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna, as in `view.control`."""
     role: Role = "wizard"
     folder: str = ""
-    """The session's folder; empty if nothing is stored."""
+    """The session's folder; empty: nothing is stored."""
     replay: bool = False
-    """Whether this is only the replay of a session: nothing can be submitted."""
+    """Whether this is the replay of a session: nothing can be submitted."""
     shadow: bool = False
-    """Whether this shows only the cues of a session to a second wizard: their keys are stored, and sent nowhere."""
+    """Whether this shows only the cues of a session to a second wizard, whose keys are stored but have no effect."""
     journaling: JournalStatus = JournalStatus()
     speed: float = 1.0
     """Session seconds in a second."""
@@ -124,12 +123,12 @@ class AttachReply(Struct, frozen=True):
 
     @property
     def is_recorded(self) -> bool:
-        """Whether everything shown has happened already, without a robot."""
+        """Whether it is a recording, without a robot."""
         return self.replay or self.shadow
 
     @property
     def recorded_as(self) -> str:
-        """The kind of recorded session, in a word."""
+        """The kind of recording, in a word."""
         return "shadow" if self.shadow else "replay"
 
 
@@ -151,7 +150,7 @@ class LinkLost(EngineGone):
 
 
 class Rejected(RiseError):
-    """The session did not accept what was asked for; the text says why."""
+    """The session did not accept a request. The text says why."""
 
 
 class Client(Protocol):
@@ -182,16 +181,16 @@ class Client(Protocol):
     async def attach(self) -> AttachReply:
         """Attach, or attach again after `LinkLost`.
 
-        :return: what the session runs, and its state at this moment, from which `records` continues.
+        :return: the scenario and the present state, from which `records` continues.
         :raises EngineGone: no such session runs, or it does not admit this client; the text says why.
         """
         ...
 
     def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
-        """Yield what happens from `attach` on, until the session ends.
+        """Yield all updates from `attach` on, until the session ends.
 
-        :return: for `async for`: batches, in order and without gaps, of records and of what comes among them
-            (`JournalStatus`, `Heartbeat`).
+        :return: for `async for`: batches of records and other updates (`JournalStatus`, `Heartbeat`), in order and
+            without gaps.
         :raises LinkLost: while iterating, if only this connection was cut.
         :raises EngineGone: while iterating, if the engine has gone without an end.
         """
@@ -224,7 +223,7 @@ class Client(Protocol):
         ...
 
     def now(self) -> float:
-        """Return the session's time in seconds, as well as this client knows it, for running clocks on the screen."""
+        """Return the session's time in seconds, as exactly as known here, for running clocks on the screen."""
         ...
 
     async def close(self, *, end_session: bool = False) -> None:

@@ -1,7 +1,7 @@
 """The messages on a session's socket: one JSON object per line (docs/reference/link.md).
 
-A client attaches and gets the session's state in pieces (`hello`, `tasks`, `ready`). From then on it gets every record,
-and the replies to its messages. Readers ignore fields that they do not know.
+A client attaches and gets the session's state in pieces (`hello`, `tasks`, `ready`). Then it gets every record, and the
+replies to its messages. Readers ignore unknown fields.
 """
 
 from __future__ import annotations
@@ -42,10 +42,9 @@ from rise_engine.kernel.view import (
 from rise_engine.run.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
 VERSION = 3
-"""Raised with every change of a message, also for a further field: an older console would leave out, for example, what
-cannot be stopped."""
+"""Raised with every change of a message, also for an additional field, which an older console would not show."""
 MAX_LINE_BYTES = 1_048_576
-"""Maximum bytes of a client's line. A longer line is not a person's error: its connection ends."""
+"""Maximum bytes of a client's line. A longer line ends its connection."""
 MAX_MESSAGE_BYTES = 65_536
 """Maximum bytes of a `send`; a longer one is rejected. Its texts are repeated in records to every client."""
 
@@ -56,7 +55,7 @@ Number: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
 
 
 class AttachMessage(Struct, tag_field="type", tag="attach", frozen=True):
-    """The first line, unless it is `about`."""
+    """The first line of a client, unless it is `about`."""
 
     version: int
     name: str
@@ -66,7 +65,7 @@ class AttachMessage(Struct, tag_field="type", tag="attach", frozen=True):
 
 
 class AskSummaryMessage(Struct, tag_field="type", tag="about", frozen=True):
-    """A question about the session instead of attaching. It gets a reply, and the connection ends."""
+    """A question about the session, without attaching. It gets a reply, and the connection ends."""
 
 
 class SendMessage(Struct, tag_field="type", tag="send", frozen=True):
@@ -146,36 +145,36 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     seed: int
     scenario_hash: str
     folder: str
-    """The session's folder, absolute, which has a copy of the session's scenario."""
+    """The session's absolute folder, which has a copy of the scenario."""
     replay: bool
     journaling: JournalStatus
     t: float
-    """The session's time at this moment."""
+    """The session's present time."""
     speed: float
     """Session seconds in a second."""
     state: ViewWithoutTasks
     tasks: int = 0
-    """How many tasks the state has."""
+    """The number of tasks in the state."""
     origin: float | None = None
     """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. For a
     recovered session it is valid from the recovery on. Null: the session's time is virtual."""
 
 
 class ScenarioMessage(Struct, tag_field="type", tag="scenario", frozen=True):
-    """The session's scenario, for a client that wants it; it comes before `ready`, or not at all."""
+    """The session's scenario, for a client that wants it. It comes before `ready`, or not at all."""
 
     scenario: msgspec.Raw
-    """As `rise_engine.scenario.serialization` writes and reads it."""
+    """In the encoding of `rise_engine.scenario.serialization`."""
 
 
 class TasksMessage(Struct, tag_field="type", tag="tasks", frozen=True):
-    """Some of the view's tasks: first the unfinished ones, then the others by their ids."""
+    """Some of the view's tasks: first the unfinished ones, then the others by id."""
 
     tasks: list[TaskView]
 
 
 class ReadyMessage(Struct, tag_field="type", tag="ready", frozen=True):
-    """The end of the state; from here on everything comes as it happens."""
+    """The end of the state. Later changes follow as they happen."""
 
 
 class RecordsMessage(Struct, tag_field="type", tag="records", frozen=True):
@@ -187,7 +186,7 @@ class JournalStatusMessage(Struct, tag_field="type", tag="journaling", frozen=Tr
 
 
 class HeartbeatMessage(Struct, tag_field="type", tag="pulse", frozen=True):
-    """Signs of life, about once a second. Not a record."""
+    """A sign of life, about once a second. Not a record."""
 
     pulse: Heartbeat
 
@@ -216,7 +215,7 @@ class EndedMessage(Struct, tag_field="type", tag="ended", frozen=True):
 
 
 class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
-    """A session in a few words, for lists of sessions."""
+    """A summary of a session, for lists of sessions."""
 
     version: int
     title: str
@@ -230,7 +229,7 @@ class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only
     t: float
     """Its time in seconds."""
     seq: int
-    """How many records it has so far."""
+    """The number of records so far."""
     busy: bool
     """Whether an act runs or waits."""
     stopped: bool
@@ -241,10 +240,10 @@ class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only
     """The participant's name in the record."""
     condition: str = ""
     wizard: str = ""
-    """The name of the last wizard who had control, also when their console has gone."""
+    """The last wizard who had control, even if their console has gone."""
     replay: bool = False
     trouble: str = ""
-    """Why nothing can be recorded; while this is set, the session is paused."""
+    """Why nothing can be recorded. While this is set, the session is paused."""
     pid: int = 0
     program: str = ""
     lag: float = 0.0
@@ -271,7 +270,7 @@ ServerMessage: TypeAlias = (
 
 @cache
 def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
-    """Make a decoder at its first use: that takes milliseconds, and each side reads only what the other writes."""
+    """Make a decoder at its first use, because that takes milliseconds, and each side uses only some."""
     return msgspec.json.Decoder(kind)
 
 
@@ -302,7 +301,7 @@ def without_tasks(view: SessionView) -> ViewWithoutTasks:
 
 
 def with_tasks(state: ViewWithoutTasks, tasks: Iterable[TaskView]) -> SessionView:
-    """Restore the view from `without_tasks`. An act's last task is again the same object as among the tasks."""
+    """Restore the view from `without_tasks`. An act's last task becomes the same object as among the tasks."""
     view = SessionView(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
     for name in ViewWithoutTasks.__struct_fields__:
         setattr(view, name, getattr(state, name))

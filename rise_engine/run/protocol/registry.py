@@ -31,7 +31,7 @@ MAX_PATH_BYTES = 103 if sys.platform == "darwin" else 107
 
 
 class RegistryError(RiseError):
-    """The folder or the name under which a session is reached cannot be used; the text says why, for a person."""
+    """The folder or name of a session's socket cannot be used; the text says why, for a person."""
 
 
 def runtime_folder() -> Path:
@@ -103,18 +103,18 @@ class SessionLock:
     def __init__(self, name: str, path: Path, descriptor: int) -> None:
         self.name = name
         self.socket = path
-        """Where to listen. Nothing exists there yet."""
+        """The socket's path. Nothing exists there yet."""
         self._descriptor = descriptor
 
     def write_folder(self, folder: Path) -> None:
-        """Write the session's folder into the lock, before anything of it begins."""
+        """Write the session's folder into the lock, before the session begins."""
         os.write(self._descriptor, os.fsencode(folder.absolute()) + b"\n")
 
     def close(self) -> None:
         """Remove the socket and release the name."""
         if self._descriptor < 0:
             return
-        # In this order: while the lock is held, no other process makes these files.
+        # In this order: while the lock is held, no other process creates these files.
         for path in (self.socket, lock_path(self.socket)):
             with suppress(OSError):
                 path.unlink()
@@ -125,14 +125,14 @@ class SessionLock:
 def acquire_lock(name: str) -> SessionLock | None:
     """Take a session's name for this process; None if a running session has it. Raises RegistryError."""
     path = _socket_in_runtime_folder(name)
-    for _ in range(20):  # a process that checks whether it runs holds the lock for a moment
+    for _ in range(20):  # a process that tests the lock holds it for a moment
         try:
             descriptor = _lock_file(lock_path(path))
         except OSError as error:
             raise RegistryError(f"{lock_path(path)} cannot be locked: {error.strerror or error}") from None
         if descriptor is not None:
             with suppress(FileNotFoundError):
-                path.unlink()  # left over from an engine that was killed
+                path.unlink()  # of an engine that was killed
             os.ftruncate(descriptor, 0)
             os.write(descriptor, b"%d\n" % os.getpid())
             return SessionLock(name, path, descriptor)
@@ -154,11 +154,11 @@ def _lock_file(path: Path) -> int | None:
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # the previous holder removed this file: lock the present one
+        os.close(descriptor)  # the previous holder removed this file: lock the new one
 
 
 def read_lock(path: Path) -> tuple[int, Path | None]:
-    """Read the process that holds a session's lock, and the session's folder. None: it has chosen none yet.
+    """Read the process that holds a session's lock, and the session's folder. None: not chosen yet.
 
     :raises OSError: there is no such lock.
     :raises ValueError: it names no process.

@@ -14,7 +14,7 @@ class SessionOptions(Struct, frozen=True):
     """What to run; None and empty: as the scenario says. A continued session keeps its options except its folder."""
 
     folder: str
-    """The scenario's; empty with a study, which sets it."""
+    """The scenario's folder; empty with a study, which sets it."""
     robot: str | None = None
     mode: str | None = None
     """`debug` or `real`."""
@@ -30,26 +30,26 @@ class SessionOptions(Struct, frozen=True):
     participant: str = ""
     """The participant's name in the record."""
     condition: str = ""
-    """The condition of the scenario whose memory values the session begins with; empty: none."""
+    """The scenario's condition that sets the first memory values; empty: none."""
     wizard: str = ""
-    """Who begins it, for the session's folder."""
+    """The wizard who begins the session, for its folder."""
     login: str = ""
-    """The account's name: who begins it if nobody is named, in debug mode only."""
+    """The account's name, used in debug mode if no wizard is named."""
     first_tasks: tuple[Submit, ...] = ()
     """Tasks submitted at the beginning of a new session."""
     script: tuple[TimedTask, ...] = ()
-    """Tasks of a new session for later moments, those of one moment in their order: a rehearsal plays them."""
+    """Tasks of a new session for later times, in their order: a rehearsal plays them."""
     socket_name: str | None = None
-    """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
+    """The name of the socket; None: from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
-    """If the folder's earlier session did not end: ask (refuse and report it), new, recover (the latest), or its path
-    to recover it. With a participant or a condition, only their own session is recovered."""
+    """What to do with an unfinished session of the folder: ask (refuse and report it), new, recover (the latest), or
+    its path to recover it. With a participant or a condition, only their own session is recovered."""
     from_other_computer: bool = False
-    """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
+    """Whether to continue a session that another computer ran last, on a file system without shared locks."""
     study: str = ""
     """The study's folder; empty: none. The study's plan sets scenario, condition, memory and seed."""
     run: int = 0
-    """Which of the participant's runs; 0: the next."""
+    """The number of the participant's run; 0: the next."""
     purpose: Purpose = "counted"
     """The purpose of a study's session; in debug mode it is always `debug`."""
     record: bool | None = None
@@ -57,6 +57,6 @@ class SessionOptions(Struct, frozen=True):
     checks: tuple[CheckReport, ...] = ()
     """Results of the study's checks: the first inputs after the start."""
     language: str = ""
-    """The robot's spoken language, by BCP 47, one with translations; empty: that of the acts, or the study's."""
+    """The robot's spoken language (BCP 47), one with translations; empty: that of the acts, or the study's."""
     allow_untranslated: bool = False
-    """Whether texts without a translation are said as the acts have them."""
+    """Whether texts without a translation are spoken in the language of the acts."""

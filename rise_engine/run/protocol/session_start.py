@@ -1,4 +1,4 @@
-"""The beginning of a scenario's session, and whether it can begin, with or without a process of its own."""
+"""The start of a scenario's session, and whether it is possible."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rise_engine.session.labels import pseudonym_problem
 
 
 def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
-    """Return why a new session cannot begin with these options: sentences, none if it can.
+    """Return why a new session cannot begin with these options: sentences; empty if it can.
 
     :param scenario: the one that the options name, in their mode.
     """
@@ -34,9 +34,9 @@ def first_input(scenario: Scenario, options: SessionOptions) -> SessionStarted:
 
 
 def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
-    """Return remarks to print and to record about a session's beginning, in sentences.
+    """Return remarks about a session's start, in sentences, to print and to record.
 
-    :param scenario: what is run.
+    :param scenario: the running one.
     :param started: its first input.
     """
     missing = sorted(scenario.factors_read - started.factors.keys())
@@ -51,7 +51,7 @@ def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
 def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[Submit]) -> list[str]:
     """Return a sentence for each key that the first tasks set against the session's condition.
 
-    :param scenario: what is run.
+    :param scenario: the running one.
     :param started: the first input; with a condition, of a study or of the scenario.
     :param tasks: the tasks submitted immediately after it (`--set`).
     """

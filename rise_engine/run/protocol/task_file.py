@@ -2,11 +2,10 @@
 
     {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "Greet", "calling_type": "None", "at": 2.5}
 
-`at` is session time in seconds; a task without it comes together with the one on the line before. `calling_type` is
-optional, and `source` may name the sender (default `file`). Empty lines and lines that begin with # are skipped.
+`at` is session time in seconds; without it, a task has the time of the previous line. `calling_type` is optional, and
+`source` may name the sender (default `file`). Empty lines and lines that begin with # are skipped.
 
-Lines before the first task may set how it is played: the faults of the simulated robot, the seed of random choices, and
-one of the scenario's conditions.
+Lines before the first task may set the faults of the simulated robot, the seed, and one of the scenario's conditions.
 
     {"fault": "Emotion=fail@3"}
     {"seed": 7}
@@ -31,11 +30,11 @@ from rise_engine.scenario.model import Scenario
 FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
 SETTINGS = ("fault", "seed", "condition")
-"""Entries of a line about the whole session."""
+"""Entries of a line that sets something for the whole session."""
 OF_TESTS = ("test", "key", "go_on", "wait", "expect")
 """Entries of the lines of tests (`rise_engine.author.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
-"""In seconds; nothing is planned more than a year ahead."""
+"""The latest `at` in seconds, a year."""
 _WITHOUT_BEHAVIOR = (
     *("stopAll", "releaseStop", "cancelOpenGoals", "releaseOpenGoals"),
     *("markCue", "undoCue", "nextFiller"),
@@ -43,7 +42,7 @@ _WITHOUT_BEHAVIOR = (
 
 
 class TimedTask(Struct, frozen=True):
-    """One line: a task and when it is submitted."""
+    """One line: a task and its time."""
 
     at: float
     task: Submit
@@ -55,7 +54,7 @@ class TaskFile(Struct, frozen=True):
     """A whole file."""
 
     tasks: tuple[TimedTask, ...] = ()
-    """By `at`; those of one moment in file order."""
+    """By `at`; tasks of one time are in file order."""
     faults: tuple[str, ...] = ()
     """Faults of the simulated robot, as its driver documents them."""
     seed: int | None = None
@@ -65,10 +64,10 @@ class TaskFile(Struct, frozen=True):
 
 
 class TaskFileReader:
-    """A reader of a task file, line by line as it comes."""
+    """A reader of a task file, line by line."""
 
     def __init__(self, file: str, *, as_it_comes: bool = True) -> None:
-        """:param as_it_comes: whether the session runs already, too late for lines about the whole of it."""
+        """:param as_it_comes: whether the session already runs, so that lines about the whole session are errors."""
         self.file = file
         self.faults: list[str] = []
         self.seed: int | None = None
@@ -161,7 +160,7 @@ def read_task_file(text: bytes, file: str) -> TaskFile:
 
 
 def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
-    """Warn about a name that the scenario does not have. The session will reject such a task."""
+    """Warn about a name that the scenario does not have; the session will reject the task."""
     function, name = task.task.function, task.task.behavior
     if function == "startInteractionRule":
         return _warning_for_start(task, scenario)

@@ -1,1 +1,1 @@
-"""Recorders of a session: cameras, microphones, bags, streams; they start, run and stop with it."""
+"""Recorders of a session, such as cameras, microphones and bags. They start, run and stop with it."""

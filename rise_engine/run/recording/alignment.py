@@ -1,10 +1,10 @@
-"""The alignment of a recording with the session's clock, by marks found in it or moments that somebody has given.
+"""The alignment of a recording with the session's clock, by marks found in it or by given moments.
 
-media time = offset + rate * session time, both in seconds (`rise_engine.session.media`).
+  media time = offset + rate * session time, both in seconds (`rise_engine.session.media`).
 
-A recorder's clock is off by some tens of millionths: 50 ppm are 90 ms in half an hour. This is why there is a mark at
-each end. The sweep of a sound in the file, and its distance from other sounds, show which mark it is: between two
-clocks that distance differs by `USUAL_DRIFT` at most. An ambiguous result is reported, and never guessed.
+A recorder's clock is off by some tens of millionths: 50 ppm are 90 ms in half an hour. So each end has a mark. A
+sound's sweep and its distance from other sounds identify the mark: between two clocks that distance differs by
+`USUAL_DRIFT` at most. An ambiguous result is reported, not guessed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rise_engine.session.media import FoundMark
 USUAL_DRIFT = 500e-6
 """Maximum difference of two clocks. Quartz crystals keep 100 ppm."""
 LARGEST_DRIFT = 2_000e-6
-"""The limit if nothing fits otherwise: 1,001 ppm is a film played at 30 frames a second instead of 29.97."""
+"""The limit if nothing else fits: 1,001 ppm is a film played at 30 frames a second instead of 29.97."""
 UNKNOWN_WITHIN = 0.5
 """Assumed maximum error in seconds of a mark's time if the record does not state it."""
 _TOLD = 6
-"""Number of times that a sentence names."""
+"""Maximum number of times in a sentence."""
 
 
 class SessionMark(Struct, frozen=True):
@@ -38,11 +38,11 @@ class SessionMark(Struct, frozen=True):
     """Maximum error of that in seconds."""
     medium: str = "sound"
     part: int = 0
-    """Earlier interruptions of the session, which a camera's clock counts and the session's does not."""
+    """The number of earlier interruptions of the session, during which only a camera's clock runs."""
 
 
 class HeardMark(Struct, frozen=True):
-    """A sound in a file that is like a mark."""
+    """A sound in a file that resembles a mark."""
 
     sweep: Sweep
     at: float
@@ -59,7 +59,7 @@ class Alignment(Struct, frozen=True):
     rate: float = 1.0
     marks: tuple[FoundMark, ...] = ()
     within: float | None = None
-    """Maximum error in seconds between the marks, as far as the times of the marks are known."""
+    """Maximum error in seconds between the marks, as far as their times are known."""
     remarks: tuple[str, ...] = ()
     """Remarks about it, in sentences."""
     problem: str = ""
@@ -76,11 +76,11 @@ _Pair = tuple[SessionMark, HeardMark]
 
 
 def align_by_marks(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignment:
-    """Find which sound is which mark, and compute the alignment.
+    """Match sounds to marks, and compute the alignment.
 
-    :param marks: the session's marks that could be heard.
+    :param marks: the session's audible marks.
     :param heard: the sounds found in the file.
-    :return: without an offset if nothing fits, or more than one reading does.
+    :return: without an offset if no match fits, or several do.
     """
     if not marks:
         return Alignment(problem="the session has no mark that could be heard: say --at FILE=SESSION for a moment")
@@ -127,7 +127,7 @@ def _pairs_that_fit(
 
 
 def _nearest(mark: SessionMark, at: float, heard: Sequence[HeardMark]) -> dict[SessionMark, HeardMark]:
-    """Find the sound that a further mark must be; nothing if there is none."""
+    """Find the sound of a further mark; empty: none."""
     allowed = 2 * mark.within + 0.01
     near = [each for each in heard if each.sweep == sweep_of(mark.number) and abs(each.at - at) <= allowed]
     return {mark: min(near, key=lambda each: abs(each.at - at))} if near else {}
@@ -155,7 +155,7 @@ def _of_pairs(marks: Sequence[SessionMark], heard: Sequence[HeardMark], pairs: S
 
 
 def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignment:
-    """Align by a single sound, if no two sounds are as far apart as two marks and there is no doubt."""
+    """Align by a single sound, if it is unambiguous, and no two sounds are as far apart as two marks."""
     possible = [(mark, sound) for sound in heard for mark in marks if sound.sweep == sweep_of(mark.number)]
     if len(possible) == 1 and len(heard) == 1:
         [(mark, sound)] = possible
@@ -192,10 +192,10 @@ def _several_fit(found: Sequence[Sequence[_Pair]]) -> str:
 
 
 def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
-    """Align by moments that somebody has given, each in the file and in the session.
+    """Align by given moments, each in the file and in the session.
 
     :param moments: one gives the offset, two or more also the rate.
-    :return: without an offset if they cannot all be right.
+    :return: without an offset if they contradict each other.
     """
     if len(moments) == 1:
         return Alignment(moments[0].media_at - moments[0].session_at, 1.0, tuple(moments))
@@ -212,7 +212,7 @@ def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
 
 
 def fit_line(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Compute offset and rate of the best line: by least squares; through two points it is exact.
+    """Compute offset and rate of the best line, by least squares.
 
     >>> offset, rate = fit_line([(0.0, 1.7), (1000.0, 1001.75)])
     >>> round(offset, 6), round(rate, 6)

@@ -1,8 +1,7 @@
 """The sound of a mark: a tone that sweeps between 1 and 4 kHz within half a second, fading in and out.
 
-Marks with odd numbers sweep up, those with even numbers down, so that they are not confused. A sweep that fades (a Hann
-window) can be located far more exactly than a beep or a clap, even under speech, through a cheap microphone and through
-lossy compression.
+Odd marks sweep up and even marks down, so that they differ. A sweep that fades (a Hann window) can be located far more
+exactly than a beep or a clap. This holds even under speech, with a cheap microphone or lossy compression.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Literal, TypeAlias
 CHIRP_SECONDS = 0.5
 LOW_HZ, HIGH_HZ = 1_000.0, 4_000.0
 LEAD_SECONDS = 0.4
-"""Silence before the tone, because a sound card that wakes up swallows the beginning."""
+"""Silence before the tone, because a sound card that wakes up drops the beginning."""
 TAIL_SECONDS = 0.3
 """Silence after it, because players that exit early cut off the end."""
 SOUND_SECONDS = LEAD_SECONDS + CHIRP_SECONDS + TAIL_SECONDS

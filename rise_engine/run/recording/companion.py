@@ -1,9 +1,9 @@
 """The request for a companion process, which it reads first.
 
 A companion is a child of the engine's process and belongs to one running session: it runs the recorders, or it is an
-outlet. Its standard input is a leash. The first line is a `CompanionRequest` as JSON; when the input ends, the
-companion finishes its work and exits. On standard output it writes an empty line every `SIGN_SECONDS` as a sign of
-life. Its exit status is 0; for any other status, the last line on standard error is the reason.
+outlet. The first line of its standard input is a `CompanionRequest` as JSON. When the input ends, the companion
+finishes its work and exits. On standard output it writes an empty line every `SIGN_SECONDS` as a sign of life. Its exit
+status is 0; for any other status, the last line on standard error is the reason.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class CompanionRequest(Struct, frozen=True):
 
     @property
     def arguments(self) -> list[str]:
-        """The command line of its process, which keeps the request out of lists of processes."""
+        """The command line of its process. It does not contain the request, so lists of processes do not show it."""
         return [sys.executable, "-m", "rise_engine.run.recording.companion_main"]
 
 

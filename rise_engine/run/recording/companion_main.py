@@ -1,4 +1,4 @@
-"""A companion's process (`companion`): it reads its request and works until its leash or the session ends."""
+"""A companion's process (`companion`): it reads its request and works until its input or the session ends."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def find_outlet(name: str) -> OutletRunner:
         raise AdapterError(f"there is no outlet {name!r}: no entry point of that name in the group {OUTLETS!r}")
     try:
         runner: OutletRunner = entry.load()
-    except Exception as error:  # other people's code runs at import
+    except Exception as error:  # importing it runs code of other authors
         raise AdapterError(f"the outlet {name!r} ({entry.value}) cannot be loaded: {error}") from error
     return runner
 
@@ -37,7 +37,7 @@ def find_outlet(name: str) -> OutletRunner:
 def main() -> None:
     """Run a companion, and exit."""
     signs = os.dup(1)
-    os.dup2(2, 1)  # output that libraries print is not a sign of life
+    os.dup2(2, 1)  # output of libraries is not a sign of life
     try:
         asyncio.run(_work(signs))
     except (RiseError, msgspec.MsgspecError) as error:
@@ -47,12 +47,12 @@ def main() -> None:
         sys.excepthook(type(error), error, error.__traceback__)
         sys.stderr.flush()
         os._exit(1)
-    os._exit(0)  # does not wait for threads of a library that never end
+    os._exit(0)  # without waiting for threads of libraries
 
 
 async def _work(signs: int) -> None:
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGHUP):  # keys of a terminal, or its loss: the engine decides when to finish
+    for number in (signal.SIGINT, signal.SIGHUP):  # from a terminal: the engine decides when to finish
         loop.add_signal_handler(number, lambda: None)
     leash = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(leash), sys.stdin.buffer)
@@ -89,7 +89,7 @@ async def _hold_leash(leash: asyncio.StreamReader, finish: asyncio.Event) -> Non
 
 
 async def _give_signs(signs: int) -> None:
-    with suppress(OSError):  # the engine has gone; the leash also shows it
+    with suppress(OSError):  # the engine has gone; the end of the input also shows it
         while True:
             os.write(signs, b"\n")
             await asyncio.sleep(SIGN_SECONDS)

@@ -1,8 +1,8 @@
-"""The markers of a running session for a stream, each with the exact time at which it happened.
+"""The markers of a running session for a stream, each with its exact time.
 
-The feed is an observer of the session. Markers wait for the first consumer, so that a recorder that starts a little
-late loses nothing; the session never waits. The payload `short` describes what happened, in names of the scenario
-(`rise_engine.results.analysis.markers`). `json` has whole records, as the export level `shared` includes them.
+The feed is an observer of the session. Markers wait for the first consumer, so that a recorder that starts late loses
+none; the session never waits. The payload `short` describes an event in names of the scenario
+(`rise_engine.results.analysis.markers`). `json` contains whole records, as the export level `shared` includes them.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ _LOG = logging.getLogger(__name__)
 
 CLIENT_NAME = "lsl"
 MAX_WAITING = 30_000
-"""Maximum number of markers that wait for a consumer; beyond it the oldest are dropped. The library keeps 36,000."""
+"""Maximum number of waiting markers; beyond it the oldest are dropped. The library keeps 36,000."""
 LOOK_SECONDS = 0.1
-"""Interval for checking whether somebody receives, while markers wait."""
+"""Interval for checking whether there is a consumer, while markers wait."""
 GRACE_SECONDS = 0.3
-"""How long records are still taken after the request to finish."""
+"""Time after the request to finish in which records are still accepted."""
 LINGER_SECONDS = 5.0
-"""How long consumers may fetch the last markers, unless they go before: they do not report that they have them."""
+"""Time for consumers to fetch the last markers, which they do not confirm. It ends early when they disconnect."""
 HASTY_LINGER_SECONDS = 1.5
-"""The same, if somebody waits for the end."""
+"""The same if a process waits for the end."""
 
 
 class MarkerStream(Struct, frozen=True, kw_only=True):
-    """A stream's description of itself."""
+    """The description of a stream."""
 
     name: str
     type: str
@@ -64,15 +64,15 @@ class MarkerOutlet(Protocol):
     def send(self, text: str, at: float) -> None:
         """Send one marker.
 
-        :param at: when it happened, perhaps long ago, in seconds of `time.monotonic()` on this computer.
+        :param at: its time in seconds of `time.monotonic()` on this computer; may be long ago.
         """
 
     def has_consumers(self) -> bool:
-        """Return whether anybody receives it now."""
+        """Return whether there is a consumer now."""
         ...
 
     def close(self) -> None:
-        """Close the stream. Markers that consumers have not fetched by now may be lost."""
+        """Close the stream. Markers that consumers have not fetched may be lost."""
 
 
 OpenStream: TypeAlias = Callable[[MarkerStream], MarkerOutlet]
@@ -83,7 +83,7 @@ class MarkerFeed:
     """The sender of one session's markers."""
 
     def __init__(self, plan: OutletPlan, open_stream: OpenStream) -> None:
-        """:param plan: which session, and what is sent of it.
+        """:param plan: the session and the payload.
         :param open_stream: makes the outlet, once.
         """
         self._plan, self._open_stream = plan, open_stream
@@ -94,10 +94,10 @@ class MarkerFeed:
         self.seq = 0
         """The `seq` of the last record taken."""
         self.sent = 0
-        """How many markers consumers got."""
+        """The number of markers that were sent."""
 
     async def run(self, finish: asyncio.Event) -> None:
-        """Send until the session ends, or `finish` is set; then let consumers fetch the last markers.
+        """Send until the session ends or `finish` is set; then let consumers fetch the last markers.
 
         Raises EngineGone if there is no such session, or its engine went without an end, and AdapterError.
         """
@@ -107,7 +107,7 @@ class MarkerFeed:
         tasks: tuple[asyncio.Task[Any], ...] = (stopping, following, sending)
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            if finish.is_set():  # records from before may still be under way
+            if finish.is_set():  # earlier records may still be arriving
                 await asyncio.wait((following,), timeout=GRACE_SECONDS)
             for task in (following, sending):
                 if task.done():
@@ -169,13 +169,13 @@ class MarkerFeed:
             _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 
     async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
-        """Return the function that makes markers. Raises AdapterError if it cannot know which values are private."""
+        """Return the function that makes markers. Raises AdapterError if the private values cannot be determined."""
         private = PrivateValues(session.scenario)
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
         tells = LevelFilter("shared", private, wizard_names(study))
         words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
-        words.skip_to(session.view)  # before the first await: the view continues, and later records still come
+        words.skip_to(session.view)  # before the first await: the view changes, and later records still come
         if session.view.seq and (self._plan.payload == "json" or private.keys):  # old private values still count
             tells.note(await asyncio.to_thread(_records_before, folder))
         if self._plan.payload == "json":
@@ -209,7 +209,7 @@ class MarkerFeed:
                 await asyncio.sleep(LOOK_SECONDS)
 
     def _send_now(self) -> bool:
-        """Send the waiting markers if somebody receives them; return whether none waits any more."""
+        """Send the waiting markers if there is a consumer; return whether none waits any more."""
         if self._outlet is not None and self._waiting and self._outlet.has_consumers():
             while self._waiting:
                 self._outlet.send(*self._waiting.popleft())
@@ -230,7 +230,7 @@ class MarkerFeed:
 
 
 def session_facts(session: Session) -> SessionFacts:
-    """Collect a session's facts for a stream, with its whole name: today's date is no secret to a live listener."""
+    """Collect a session's facts for a stream. They include its whole name, because a live listener knows the date."""
     reply, about = session.attach_reply, session.view.session
     return SessionFacts(
         session=Path(reply.folder).name if reply.folder else "",

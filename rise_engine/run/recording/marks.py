@@ -1,4 +1,4 @@
-"""Marks for recordings: a sound, or a flash on the consoles' screens; the record says when each began."""
+"""Marks for recordings: a sound, or a flash on the consoles' screens. The record has the start of each."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ PLAYERS: tuple[tuple[str, ...], ...] = (
     ("ffplay", "-nodisp", "-autoexit", "-loglevel", "error", "{file}"),
     ("afplay", "{file}"),
 )
-"""Commands of programs that play a sound; those that wait until it has been heard come first."""
+"""Commands of programs that play a sound. First come those that wait until it was played."""
 PLAY_SECONDS = 3.5
 """Maximum duration of giving a mark; the sound itself takes 1.2 s."""
 LEAST_WITHIN = 0.02
-"""Minimum error in seconds: no player knows more exactly when a loudspeaker begins."""
+"""Minimum error in seconds: no player knows the start of the sound more exactly."""
 EARLY_SECONDS = 0.25
-"""How long before the end of the sound a player may exit: the rest is in the card's buffer then."""
+"""Maximum time before the end of the sound at which a player may exit: the rest is in the card's buffer."""
 
 
 class MarkSession(Protocol):
-    """The necessary part of a `rise_engine.run.client.Session`."""
+    """The part of a `rise_engine.run.client.Session` that marks need."""
 
     @property
     def attach_reply(self) -> AttachReply: ...
@@ -61,11 +61,11 @@ class GivenMark(Struct, frozen=True):
 
     number: int
     at: float | None = None
-    """Session time in seconds at which it began; None: it was not given, or is a flash, which follows its record."""
+    """Session time in seconds of its start; None: it was not given, or is a flash, which follows its record."""
     within: float | None = None
     """Maximum error of that in seconds."""
     problem: str = ""
-    """Why nobody has heard it, in a sentence; empty: it was given."""
+    """Why it was not audible, in a sentence; empty: it was given."""
 
 
 class _Played(Struct, frozen=True):
@@ -81,10 +81,10 @@ async def give_mark(
 ) -> GivenMark:
     """Give a mark, and record it. Returns within five seconds, and never raises.
 
-    A problem becomes a note in the record, and is part of the result. The time of a sound has known bounds: its program
-    starts, and ends when the end of the sound has been played. `at` is the middle of the possible beginnings, and
-    `within` half of their range. The delay of a loudspeaker (a wireless one has a tenth of a second and more) is not
-    included; it is the same for every mark of a session.
+    A problem becomes a note in the record, and is part of the result. The start and end of the player are bounds for
+    the time of a sound. `at` is the middle of the possible starts, and `within` half of their range. The delay of a
+    loudspeaker (a wireless one has a tenth of a second and more) is not included. It is the same for every mark of a
+    session.
 
     :param session: attached as a program.
     :param number: the mark's; odd ones sweep up, even ones down.
@@ -118,7 +118,7 @@ async def give_mark(
 
 
 def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
-    """Compute when the tone began, by the session's clock."""
+    """Compute the start of the tone by the session's clock."""
     speed = session.attach_reply.speed
     latest = max(played.begun, played.ended - SOUND_SECONDS)
     middle, half = (played.begun + latest) / 2, (latest - played.begun) / 2
@@ -127,7 +127,7 @@ def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
 
 
 async def _play_with_one_of(commands: Sequence[Sequence[str]], number: int) -> tuple[str, _Played | None]:
-    """Play the mark with the first program that can; return its name and result, or those of the last failure."""
+    """Play the mark with the first program that works; return its name and result, or those of the last failure."""
     deadline = monotonic() + PLAY_SECONDS
     name, played = "", None
     with tempfile.TemporaryDirectory(prefix="rise-mark-") as folder:  # readable only by its owner

@@ -1,11 +1,11 @@
-"""Facts about a recording and its sound, from ffmpeg and ffprobe if installed, otherwise as far as Python knows.
+"""Facts about a recording and its sound, from ffmpeg and ffprobe, or without them as far as Python can read it.
 
-It finds marks in a file's sound by cross-correlation with the sweeps, in blocks, so that a file of two hours takes no
-more memory than one of a minute. It needs numpy (extra `sync`).
+It finds marks in a file's sound by cross-correlation with the sweeps. It works in blocks, so a file of two hours takes
+no more memory than one of a minute. It needs numpy (extra `sync`).
 
-At each moment, the sound of the last half second, from 0.8 to 4.2 kHz, is compared with a sweep. The result is a
-correlation coefficient between 0 and 1, whatever the loudness. A mark as loud as the noise around it gets 0.7, one with
-a tenth of its power 0.3, an hour of noise 0.1 at most.
+The last half second of sound, from 0.8 to 4.2 kHz, is compared with a sweep. The result is a correlation coefficient
+between 0 and 1, independent of the loudness. A mark as loud as the noise gets 0.7, one with a tenth of its power 0.3,
+an hour of noise 0.1 at most.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ if TYPE_CHECKING:
 BELIEVED = 3.0
 """Minimum ratio of a mark to the best match elsewhere in the file."""
 _LEAST = 0.15
-"""Minimum coefficient of a mark, however quiet the rest of the file is."""
+"""Minimum coefficient of a mark, however quiet the file is."""
 MOST = 200
-"""Maximum number of marks in one file; a camera that runs for a whole day has those of all sessions."""
+"""Maximum number of marks in one file. A camera that runs for a whole day records those of all sessions."""
 _FEW, _SHARE = 4, 0.1
 """Maximum number of marks in a short file, and maximum share of the time in a longer one."""
 _BLOCK = 1 << 18
-"""Samples compared at once."""
+"""Number of samples compared together."""
 _BIN_SECONDS = 0.25
-"""Duration of the pieces of a file of which the best match is used."""
+"""Duration of the pieces of a file; the best match of each counts."""
 _APART_SECONDS = 0.5
-"""Minimum distance of two marks; anything nearer is an echo."""
+"""Minimum distance of two marks. A nearer one is an echo."""
 _QUIET = 1e-5
 """Loudness (of 1) below which nothing is compared."""
 _MARGIN_HZ = 200.0
-"""How much wider the band is than the sweep."""
+"""Margin of the band around the sweep."""
 SWEEPS: tuple[Sweep, ...] = get_args(Sweep)
 
 
@@ -128,7 +128,7 @@ class _Matcher:
         return numpy.conj(numpy.fft.rfft(tone)) * self._band
 
     def best_matches(self, start: int, block: Samples) -> Iterator[tuple[float, float, Sweep]]:
-        """Yield each sweep's best match in each piece of the block: its quality, and where in the file it begins."""
+        """Yield each sweep's best match in each piece of the block: its quality and its start in the file."""
         numpy = self._numpy
         spectrum = numpy.fft.rfft(block)
         heard = numpy.fft.irfft(spectrum * self._band, _BLOCK).astype(numpy.float64)
@@ -145,7 +145,7 @@ class _Matcher:
                 yield float(matches[place]), (start + self._peak(matches, int(place))) / self._rate, sweep
 
     def _peak(self, matches: Any, place: int) -> float:
-        """Find the top of a peak between samples, from a parabola through its three highest."""
+        """Interpolate the top of a peak by a parabola through its three highest samples."""
         if not 0 < place < len(matches) - 1:
             return place
         before, top, after = (float(each) for each in matches[place - 1 : place + 2])
@@ -154,7 +154,7 @@ class _Matcher:
 
 
 def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
-    """Select the matches that are stronger than all others; the others begin after the maximum number of marks."""
+    """Select the matches that are stronger than all others. After the maximum number of marks, the others begin."""
     places = max((at for _, at, _ in best), default=0.0) / _APART_SECONDS
     most = min(MOST, max(_FEW, int(places * _SHARE)))
     apart: list[tuple[float, float, Sweep]] = []
@@ -173,7 +173,7 @@ SOUND_RATE = 16_000
 """Samples in a second of ffmpeg's output."""
 PROBE_SECONDS = 30.0
 _PIECE = 1 << 20
-"""Bytes read at once."""
+"""Number of bytes read at once."""
 _SUFFIXES: dict[str, MediaKind] = {
     **dict.fromkeys(
         (".mkv", ".mp4", ".mov", ".avi", ".webm", ".m4v", ".mts", ".m2ts", ".mpg", ".wmv", ".flv"), "video"
@@ -183,7 +183,7 @@ _SUFFIXES: dict[str, MediaKind] = {
     ".xdf": "streams",
 }
 _LOCAL = ("-protocol_whitelist", "file,pipe")
-"""Prevents fetching anything that a file names from a network."""
+"""Prevents network access that a file requests."""
 
 
 class MediaFacts(Struct, frozen=True):
@@ -273,7 +273,7 @@ def hash_file(path: Path) -> str:
 
 
 class Sound:
-    """The sound of a file, in pieces, as one channel; its time 0 is time 0 of the file, as players count.
+    """The sound of a file, in pieces, as one channel. Its time 0 is that of the file, as players count.
 
     Without ffmpeg only WAV files (PCM) can be read.
     """
@@ -294,7 +294,7 @@ class Sound:
         return self._from_ffmpeg() if self._program else self._from_wav()
 
     def _from_ffmpeg(self) -> Iterator[Samples]:
-        # first_pts and async: a track that begins late or has gaps keeps its times.
+        # first_pts and async keep the times of a track that begins late or has gaps.
         times = f"aresample={SOUND_RATE}:async=1:min_hard_comp=0.02:first_pts=0"
         command = [self._program, "-nostdin", "-v", "error", *_LOCAL, "-i", f"file:{self._path.absolute()}"]
         command += ["-map", "0:a:0", "-af", times, "-ac", "1", "-f", "f32le", "pipe:1"]

@@ -1,4 +1,4 @@
-"""One recorder of a running session, prepared, started, watched and stopped, however it behaves."""
+"""One recorder of a running session: prepared, started, watched and stopped, however it behaves."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class GrowthWatch:
 
     def __init__(self, stalled_after: float, now: float) -> None:
         """:param stalled_after: seconds without growth after which it has stalled.
-        :param now: a time in seconds, from which on it should grow.
+        :param now: the time in seconds from which it should grow.
         """
         self.stalled_after = stalled_after
         self.has_grown = False
@@ -49,7 +49,7 @@ class GrowthWatch:
     def look(self, status: RecorderStatus, now: float) -> bool:
         """Return whether it grows, or may still do so.
 
-        :param status: its status; one without a measure counts as growing.
+        :param status: its status; without a size or length it counts as growing.
         :param now: the time.
         """
         size = status.bytes if status.bytes is not None else status.seconds
@@ -65,7 +65,7 @@ class GrowthWatch:
         return now - self._grown_at < self.stalled_after
 
     def still_for(self, now: float) -> float:
-        """Return the seconds since it last grew."""
+        """Return the seconds since its last growth."""
         return now - self._grown_at
 
 
@@ -80,10 +80,10 @@ async def call_within(
     """Return the result of a call within a time limit; after it, the call is cancelled without waiting for that.
 
     :param seconds: the limit.
-    :param call: of other people's code.
+    :param call: of a driver.
     :param what: the request, for the sentence: `to start`.
     :param unless: set when the answer is not needed any more.
-    :raises RecorderError: it gave no answer, or raised something; or `unless` was set before.
+    :raises RecorderError: it gave no answer or raised an exception, or `unless` was set first.
     """
     task = asyncio.create_task(call)
     waiting: set[asyncio.Task[Any]] = {task}
@@ -114,7 +114,7 @@ LOOK_SECONDS = 1.0
 CLOSE_SECONDS = 1.0
 """Time limit for closing a stopped recorder."""
 RETRY_SECONDS = 5.0
-"""Interval between two tries to start a recorder that cannot record."""
+"""Interval between two attempts to start a recorder."""
 
 
 class RecordingState(Struct, frozen=True):
@@ -133,13 +133,13 @@ class RecordedFile(Struct, frozen=True):
     kind: MediaKind
     path: str
     started_at: float
-    """When its recorder was started, by the caller's clock."""
+    """The start of its recorder, by the caller's clock."""
     bytes: int | None = None
-    """Its last known size; None: never known."""
+    """Its last known size; None: unknown."""
 
 
 class SupervisedRecorder:
-    """One recorder. `run` controls it from beginning to end, and reports a `RecordingState` after every change."""
+    """One recorder. `run` controls it from start to end, and reports a `RecordingState` after every change."""
 
     def __init__(
         self,
@@ -202,7 +202,7 @@ class SupervisedRecorder:
         except RecorderError as error:
             if not finish.is_set():
                 self._fail(error)
-            if asked_to_start:  # it may have begun, and nobody must be recorded without knowing
+            if asked_to_start:  # it may have started, and must not record people unnoticed
                 await _quietly(CALL_SECONDS, recorder.stop(), "to stop")
             await _quietly(CLOSE_SECONDS, recorder.close(), "to let go")
             return None
@@ -252,7 +252,7 @@ class SupervisedRecorder:
         self._set(RecordingState("failed", self._path, None, " ".join(str(error).split())))
 
     def _set(self, state: RecordingState) -> None:
-        """Report a state if it is new; a new size alone is not, nor are more lost frames."""
+        """Report a new state. Changes of size or lost frames alone are not reported."""
         before = self._state
         if state.status != "started":
             self.settled.set()

@@ -1,7 +1,7 @@
 """The supervisor of a running session's recorders: it starts, watches and stops each of them, and gives the marks.
 
-It runs in a companion process (`companion`). A recorder that does not answer, refuses, stalls or dies does not affect
-the others, or the session, which only gets records.
+It runs in a companion process (`companion`). A recorder that does not answer, refuses, stalls or dies affects neither
+the others nor the session, which only gets records.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class SessionReports:
         self.session: Session | None = None
         """The session, while this program is attached."""
         self.last_mark = 0
-        """The number of the last mark that was begun here, even if it was interrupted: its record may still come."""
+        """The number of the last mark begun here, even if it was interrupted: its record may still come."""
         self.attached, self.over = asyncio.Event(), asyncio.Event()
-        """Set when the session was reached for the first time; and when it has ended, or its engine has gone."""
+        """Set when the session was first reached, and when it has ended or its engine has gone."""
         self._waiting: deque[tuple[str, RecordingState] | str] = deque()
         self._news, self._said = asyncio.Event(), asyncio.Event()
         self._said.set()
@@ -130,7 +130,7 @@ class SessionReports:
                 await session.report_recording(
                     name, state.status, path=state.path, bytes=state.bytes, reason=state.reason
                 )
-        except Rejected:  # nothing can be recorded now, or the session is just beginning
+        except Rejected:  # nothing can be recorded now, or the session has just begun
             return False
         return True
 
@@ -138,12 +138,12 @@ class SessionReports:
 OWN_FOLDER = "recordings"
 """In the session's folder."""
 START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
-"""Time limit of a mark."""
+"""Time limits of the marks."""
 TAIL_SECONDS = {"sound": 2.5, "flash": 1.0}
-"""How long recording continues after the last mark, so that the files contain it: ffmpeg's sound input from PulseAudio
-holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash must still be drawn."""
+"""Recording time after the last mark, so that the files contain it. ffmpeg's PulseAudio input holds back two seconds
+(measured: a film's sound ended 1.9 s before its picture), and a flash must still be drawn."""
 START_SECONDS = 10.0
-"""How long the first mark waits until everything records."""
+"""Maximum wait of the first mark until all recorders record."""
 
 GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[GivenMark]]
 
@@ -205,7 +205,7 @@ def _make_plan(request: CompanionRequest) -> RecordingPlan:
 
 
 def path_in_record(path: str, folder: Path) -> str:
-    """Write a path for the record: relative to the session's folder if it is inside, and without the owner's login.
+    """Convert a path for the record: relative to the session's folder if it is inside, and without the owner's login.
 
     :param path: of a recording; empty: unknown.
     :param folder: the session's.
@@ -265,7 +265,7 @@ async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSetting
 
 
 def _register(files: list[RecordedFile], folder: Path) -> None:
-    """Add the recordings to the session's media.json (blocking)."""
+    """Add the recordings to the session's media.json. Blocks."""
     for file in files:
         path = Path(file.path).expanduser()
         inside = path.is_relative_to(folder)
@@ -285,7 +285,7 @@ def _register(files: list[RecordedFile], folder: Path) -> None:
 
 
 def _fingerprint(path: Path) -> str:
-    """Return the fingerprint of a recording. Empty: it is not on this computer, or cannot be read."""
+    """Return the fingerprint of a recording; empty: it is not on this computer, or cannot be read."""
     try:
         return fingerprint(path)
     except OSError:

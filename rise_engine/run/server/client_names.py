@@ -1,8 +1,8 @@
-"""Names of clients: which are valid, and which two a reader of the record could confuse. Pure.
+"""Names of clients: which are valid, and which two look alike in a record. Pure.
 
-The record identifies people by name alone, so a name that looks like another would attribute words to the wrong person.
-Following Unicode's UTS 39, a name must not mix scripts whose letters look alike. Two names must differ in their
-skeleton, in which each letter becomes the Latin letter that it looks like.
+The record identifies people only by name, so a lookalike would attribute words to the wrong person. Following UTS 39 of
+Unicode, a name must not mix scripts with similar letters. Two names must differ in their skeleton, in which each letter
+becomes the Latin letter that it resembles.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import unicodedata
 
 MAX_CHARACTERS = 64
 LOOKALIKE_SCRIPTS = ("LATIN", "CYRILLIC", "GREEK", "ARMENIAN", "CHEROKEE", "COPTIC")
-"""Scripts with letters that look like those of another one of them."""
+"""Scripts with letters that resemble those of another one of them."""
 
 _INVISIBLE = frozenset("\u115f\u1160\u2800\u3164\uffa0\u034f\u17b4\u17b5")
 """Characters that count as letters or signs but are invisible."""
@@ -23,12 +23,12 @@ _LATIN_LOOKALIKES = {
     # Greek
     **dict(zip("αγεικνορτυχωϲϳ", "ayeikvoptuxwcj", strict=True)),
     **dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧϹ", "ABEZHlKMNOPTYXC", strict=True)),
-    # Armenian, Latin beyond ASCII, and what looks alike within ASCII
+    # Armenian, Latin beyond ASCII, and lookalikes within ASCII
     **dict(zip("օսոհցզյ", "ounhgqj", strict=True)),
     **dict(zip("ıɑɡɩʟ", "iagil", strict=True)),
     **dict(zip("I1|0", "lllO", strict=True)),
 }
-"""The Latin letter that a letter looks like."""
+"""The Latin letter that a letter resembles."""
 
 
 def name_problem(name: str) -> str:
@@ -55,7 +55,7 @@ def find_lookalike(name: str, others: list[str]) -> str:
 
 
 def skeleton(name: str) -> str:
-    """Return what a reader sees: names with the same skeleton look the same."""
+    """Return the visible form of a name: names with the same skeleton look the same."""
     seen = unicodedata.normalize("NFKD", name)
     return "".join(_LATIN_LOOKALIKES.get(character, character) for character in seen if character not in _INVISIBLE)
 

@@ -28,17 +28,17 @@ FINISH_SECONDS = 13.0
 OUTLET_SECONDS = 3.0
 """Time limit for an outlet after the session's end, to pass on the last markers."""
 GRACE_SECONDS = 1.0
-"""Time between the request to end (SIGTERM) and the forced end (SIGKILL)."""
+"""Seconds between the request to end (SIGTERM) and the forced end (SIGKILL)."""
 LEFT_SECONDS = 3.0
 """Time limit for processes that a companion left running, to complete their files."""
 AGAIN_SECONDS = 5.0
 """Delay before a companion that ended too early is restarted; it continues in a new file."""
 AGAIN = 3
-"""Maximum number of restarts: one that ends again and again would only fill the disk."""
+"""Maximum number of restarts. More would only fill the disk."""
 SILENT_SECONDS = 30.0
 """Time without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
-"""Stored bytes of a companion's messages; the last line becomes the reason."""
+"""Stored bytes of a companion's messages. The last line becomes the reason."""
 _OVER: frozenset[RecordingStatus] = frozenset({"stopped", "failed"})
 
 
@@ -80,11 +80,11 @@ class Companions:
 
     @property
     def recording(self) -> bool:
-        """Whether the session must wait for any before it ends: for recorders, never for outlets."""
+        """Whether the session must wait for a companion before it ends: for recorders, never for outlets."""
         return any(not task.done() for each, task in self._pairs() if each.request.kind == "recorders")
 
     def hurry(self) -> None:
-        """End all companions without waiting for them any longer, including what they should complete."""
+        """End all companions without waiting any longer, even if their files stay incomplete."""
         for each in self._companions:
             each.finish()
             each.hurrying.set()
@@ -92,12 +92,12 @@ class Companions:
     async def finish_recorders(self) -> None:
         """Let the recorders finish and exit, before the session ends.
 
-        It takes `finish_seconds` at most, and twice GRACE_SECONDS and LEFT_SECONDS for what must be ended.
+        It takes at most `finish_seconds`, and twice GRACE_SECONDS and LEFT_SECONDS to end processes by force.
         """
         await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
 
     async def finish(self) -> None:
-        """Let all other companions finish and exit, after outlets have seen the session's end and passed it on.
+        """Let all other companions finish and exit, after outlets have sent the session's end.
 
         The limits are the same (an outlet's is OUTLET_SECONDS).
         """
@@ -174,7 +174,7 @@ class _Companion:
             process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
 
     async def _attend(self, process: Process) -> None:
-        """Follow the companion until it has gone."""
+        """Attend the companion until it has gone."""
         assert process.stdin is not None
         with suppress(OSError):
             process.stdin.write(encode_request(self.request))
@@ -202,7 +202,7 @@ class _Companion:
                 task.cancel()
 
     async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
-        """Wait until the companion is silent for too long, or has gone: its output ends, unless a child holds it open.
+        """Wait until the companion is silent for too long, or its output ends because it has gone.
 
         Silence is counted in steps, so that a pause of this process or of the computer does not count.
         """
@@ -222,10 +222,10 @@ class _Companion:
         return "silent"
 
     async def _report_exit(self, process: Process) -> None:
-        """Report what it left open as failed; what it has reported as over needs no report."""
+        """Report the recordings that it left open as failed. Those that it has ended need no report."""
         status = await _exit_status(process)
         if status == 0 and self.finishing.is_set():
-            return  # it should exit, and did
+            return  # as requested
         await asyncio.wait({self._reading}, timeout=GRACE_SECONDS)
         lines = [clean(line).strip() for line in self._said.decode("utf-8", "replace").splitlines()]
         reason = next((line for line in reversed(lines) if line), "")
@@ -249,7 +249,7 @@ class _Companion:
 
 
 async def _end(process: Process) -> None:
-    """End a process: first ask, then by force; takes two seconds at most."""
+    """End a process: by request, then by force. Takes two seconds at most."""
     for ask in (process.terminate, process.kill):
         with suppress(ProcessLookupError):
             ask()
@@ -270,9 +270,9 @@ async def _exit_status(process: Process) -> int | None:
 
 
 async def _end_group(group: int) -> None:
-    """End what a dead companion has left running (a camera's program): SIGINT lets it complete its file.
+    """End the processes that a dead companion has left (a camera's program). SIGINT lets them complete their files.
 
-    SIGKILL makes sure that it records nobody any longer.
+    SIGKILL makes sure that nothing records any longer.
     """
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)

@@ -1,7 +1,7 @@
 """One connection to a session's socket: whole lines in, and bytes out. The engine never waits for it.
 
-An attaching client first gets the state, piece by piece as it takes them. Everything that happens meanwhile waits
-behind the state. A client with too much waiting data is cut. It can attach again, and gets the state of that moment.
+An attaching client first gets the state, piece by piece. Later updates wait behind it. A client with too much waiting
+data is cut. It can attach again, and then gets the present state.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ STATE_PIECES = 4
 BACKLOG = 524_288
 """Maximum bytes that wait for one client."""
 ARRIVAL_BACKLOG = 8_388_608
-"""The same until it has taken the state and what came meanwhile."""
+"""The same until it has received the state and the updates behind it."""
 STALL_SECONDS = 10.0
-"""Time after which a client that takes nothing, although something waits for it, is cut."""
+"""Time after which a client that does not read its waiting data is cut."""
 _BEHIND = encode_line(RefusedMessage("this client fell too far behind the session: attach again"))
 LINGER_SECONDS = 2.0
 """Maximum time that a last line waits to be read."""
 URGENT = b'"stopAll"'
 URGENT_WITHIN = 256
-"""A line with this text within this many bytes is taken before those of others."""
+"""A line with this text within so many bytes is handled before those of other clients."""
 
 
 class ConnectionOwner(Protocol):
-    """The owner of connections, who gets their events."""
+    """The owner of connections, which handles their events."""
 
     def connection_opened(self, connection: ClientConnection) -> None:
         """Handle a new connection, which has sent nothing yet."""
         ...
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        """Handle the first waiting line (`take_line` returns it). Nothing more is read until all lines are taken."""
+        """Handle the first waiting line (`take_line` returns it). Reading continues when all lines are taken."""
         ...
 
     def connection_closed(self, connection: ClientConnection) -> None:
@@ -66,16 +66,16 @@ class ClientConnection(asyncio.Protocol):
         self.client: AttachedClient | None = None
         """Set once it has attached."""
         self.unanswered = 0
-        """How many of its messages are not answered yet."""
+        """The number of its unanswered messages."""
         self.user: int | None = None
         """The user at the other end, if the system tells."""
         self.closing = False
-        """Whether it has got its last line, or is cut: nothing more is taken from it or sent."""
+        """Whether its last line was sent, or it was cut. It is neither read nor written any more."""
         self._partial = bytearray()
         self._lines: deque[bytes] = deque()
         self._eof = False
         self._full_since: float | None = None
-        """The loop's time since which the last data has not left."""
+        """Since when the last data has been waiting, by the loop's clock."""
         self._state: Iterator[bytes] | None = None
         self._queue: deque[bytes] = deque()
         self._backlog = BACKLOG
@@ -99,7 +99,7 @@ class ClientConnection(asyncio.Protocol):
         self._owner.connection_closed(self)
 
     def finish(self, last: bytes) -> None:
-        """End this connection after all waiting data with a last line, if any; the rest of the state is dropped."""
+        """End this connection with a last line, if any, after all waiting data. The rest of the state is dropped."""
         if self.closing:
             return
         if self._state is not None:
@@ -134,11 +134,11 @@ class ClientConnection(asyncio.Protocol):
             self._partial += rest
             if len(self._partial) <= MAX_LINE_BYTES:
                 return
-            lines = [bytes(self._partial)]  # too long: the owner checks the length
+            lines = [bytes(self._partial)]  # too long: its owner checks the length
             self._partial.clear()
         self._lines.extend(lines)
         with suppress(RuntimeError):
-            self._transport.pause_reading()  # what it writes now waits on its side
+            self._transport.pause_reading()  # further data waits on the client's side
         self._owner.line_arrived(self, urgent=URGENT in lines[0][:URGENT_WITHIN])
 
     def eof_received(self) -> bool:
@@ -157,7 +157,7 @@ class ClientConnection(asyncio.Protocol):
         line = self._lines.popleft()
         if not self._lines:
             if self._eof:
-                self._loop.call_soon(self._transport.close)  # the immediate reply to this line still leaves
+                self._loop.call_soon(self._transport.close)  # after the immediate reply to this line
             else:
                 self._transport.resume_reading()
         return line
@@ -166,22 +166,22 @@ class ClientConnection(asyncio.Protocol):
 
     @property
     def is_stalled(self) -> bool:
-        """Whether it has taken nothing for too long."""
+        """Whether it has read nothing for too long."""
         return self._full_since is not None and self._loop.time() > self._full_since + STALL_SECONDS
 
     def send_state(self, pieces: Iterator[bytes]) -> None:
-        """Send these first, a few in a turn of the loop, each made when it can leave. Nothing was sent before."""
+        """Send these pieces first, a few in each turn of the loop, and make each one only when it can be sent."""
         self._state = pieces
         self._backlog = ARRIVAL_BACKLOG
         self._send_waiting()
 
     def send(self, pieces: Iterable[bytes]) -> None:
-        """Send pieces, none longer than PIECE, as soon as the client takes them; cut one that is too far behind."""
+        """Send pieces of at most PIECE bytes when the client reads; cut a client that is too far behind."""
         if self.closing or self._transport.is_closing():
             return
         if self.waiting > self._backlog:
             if self._state is None:
-                self.finish(_BEHIND)  # if it still reads, it learns immediately that it must attach again
+                self.finish(_BEHIND)  # a client that still reads learns immediately to attach again
             else:
                 self.abort()
             return
@@ -199,8 +199,8 @@ class ClientConnection(asyncio.Protocol):
         self._full_since = self._loop.time()
 
     def resume_writing(self) -> None:
-        # The transport calls this in the middle of its own write. If a write or close here failed, asyncio would call
-        # connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
+        # The transport calls this during its own write. If a write or close failed here, asyncio would call
+        # connection_lost twice, which fails. So the rest is sent in the next turn.
         self._full_since = None
         self._loop.call_soon(self._send_waiting)
 

@@ -1,7 +1,7 @@
-"""The search for marks in a session's recordings after its end, in a process that nobody waits for.
+"""The search for marks in a session's recordings after its end, in a background process.
 
-It does the same as `rise-engine media add --find-marks` for each file of a recorder, one after the other and with the
-lowest priority. For a file without marks, media.json stays unchanged.
+It does the same as `rise-engine media add --find-marks` for each file of a recorder, with the lowest priority. A file
+without marks does not change media.json.
 
 `python -m rise_engine.run.server.find_marks FOLDER` is that process.
 """
@@ -21,12 +21,12 @@ from rise_engine.session.media import media_path, read_media
 
 _LOG = logging.getLogger(__name__)
 FILE_SECONDS = 900.0
-"""Time limit for one file: an hour of sound takes some seconds, and a film of 50 GB must be read once."""
+"""Time limit for one file. An hour of sound takes some seconds; a film of 50 GB must be read once."""
 _WITH_SOUND = frozenset({"video", "audio"})
 
 
 def find_marks_later(folder: Path, view: SessionView) -> bool:
-    """Start the search for marks, if there can be any; return whether it was started. Never raises.
+    """Start the search if there can be marks; return whether it was started. Never raises.
 
     :param folder: that of a session that has ended.
     :param view: its last state.

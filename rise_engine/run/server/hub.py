@@ -1,10 +1,10 @@
-"""The clients of a session: who is attached, who has control, and what each may do. It has no sockets.
+"""The clients of a session: which are attached, which has control, and what each may do. It has no sockets.
 
-At most one client has control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
-Changes of control go through the engine like any other input, so that they are in the record.
+At most one client has control: the wizard who may act. All others watch, add notes, and can stop everything. Changes of
+control are inputs of the engine, so that they are in the record.
 
 A client has two names. Its own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to
-one console. The `source` of its inputs is the person (`wizard:anna`), because the record names who did it.
+one console. The `source` of its inputs is the person (`wizard:anna`), for the record.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ MAKES_SAFE = frozenset({"stopAll", "cancelOpenGoals"})
 ALLOWED_WITHOUT_CONTROL = MAKES_SAFE | {"markMistake"}
 """Functions for every attached client: they start nothing. Every client may also add notes."""
 STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopRuleOfAct", "cancelTask"})
-"""Functions that can be late and do no harm."""
+"""Functions that are harmless even when late."""
 STANDSTILL_SECONDS = 5.0
-"""After a longer standstill of this process, nothing starts that was asked before. It is noted: the record would blame
-the robot, and durations are too long."""
+"""After a longer standstill of this process, earlier requests start nothing. It is noted, for durations in the
+record."""
 MOST_BEHIND_SECONDS = 2.0
-"""While the disk has recorded nothing for longer, nothing starts: people would ask for it again and again."""
+"""While the disk has recorded nothing for longer, nothing starts, because people would repeat their requests."""
 SUSPENDED_SECONDS = 1.0
-"""The same after the computer was suspended for longer. Session time stood still then."""
+"""The same after a longer suspension of the computer. Session time stood still then."""
 CLOCK_JUMP_SECONDS = 1.0
 """A larger step of the computer's clock is noted. Session time is not affected."""
 OLD_SECONDS = 1.0
-"""For this long after a standstill, requests may be from before it."""
+"""Seconds after a standstill in which requests may be older than it."""
 ALIVE_SECONDS = 0.5
 """Interval between two calls of `SessionHub.note_alive`."""
 MAY_BE_OLD = "the engine stood still, and this may have been asked before"
@@ -84,10 +84,10 @@ class SessionHub:
         self.folder = folder
         self.clients: dict[str, AttachedClient] = {}
         self._names_seen: dict[str, None] = {}
-        """Names of all who have attached so far."""
+        """Names of all clients that have attached."""
         self._end_session = end or engine.end
         self.take_over: Callable[[str, ReplyCallback], object] | None = None
-        """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
+        """Begins to take over changed files of the scenario, for this source; None: impossible in this session."""
         self.on_wizards_gone: Callable[[], object] = lambda: None
         """Called when the last wizard has gone."""
         self.view = SessionView() if view is None else view
@@ -100,25 +100,25 @@ class SessionHub:
         self._inputs_before = engine.inputs
         self._first_record_came = False
         self.ending = False
-        """Whether the session is about to end: nobody starts anything any more."""
+        """Whether the session is about to end: nothing starts any more."""
         self._alive_at: float | None = None
         """When `note_alive` was last called."""
         self._suspended = 0.0
         """`suspended_seconds` at that time."""
         self._clock_offset: float | None = None
-        """The computer's clock minus the one that counts suspends, at that time."""
+        """The computer's clock minus the clock that counts suspensions, at that time."""
         self._old_until = 0.0
-        """Until then, requests may be from before a standstill of this process or of the computer."""
+        """Until then, requests may be older than a standstill of this process or of the computer."""
         engine.subscribe(self._apply_record)
         engine.on_journal_status = self._notify_listeners
 
     def changing_tasks(self) -> list[TaskView]:
-        """Return the view's tasks that can still change; encode them before they do."""
+        """Return the view's tasks that can still change. Encode them before they do."""
         tasks = self.view.tasks
         return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
 
     def all_tasks(self) -> list[TaskView]:
-        """Return the view's tasks, made once until there is a new one: copying the view takes ten times as long."""
+        """Return the view's tasks, kept until there is a new one: copying the view takes ten times as long."""
         if self._all_tasks is None:
             self._all_tasks = list(self.view.tasks.values())
         return self._all_tasks
@@ -137,15 +137,15 @@ class SessionHub:
     def attach(self, name: str, role: Role, source: str | None = None) -> AttachedClient:
         """Admit a client. A wizard who attaches while nobody has control gets it.
 
-        Not in a session that waits for a wizard: the robot would begin before anybody has seen with what.
+        A session that waits for a wizard is an exception: the robot must not begin before the wizard has looked.
 
         :param name: the client's; a second one of the same name gets a number.
         :param role: what it may do.
         :param source: its source in the record instead of `role:name`, if it speaks for others (`ros:domain_task`).
-        :raises Rejected: the name is invalid, or looks like another's; or the session has ended.
+        :raises Rejected: the name is invalid or looks like another's, or the session has ended.
         """
         name = normalize("NFC", name)
-        before = [self.view.wizard] if self.view.wizard else []  # for a session that continues
+        before = [self.view.wizard] if self.view.wizard else []  # of a session that continues
         problem = name_problem(name)
         if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
             problem = f"{name!r} looks like {other!r}, a name in this session's record: use another name"
@@ -168,7 +168,7 @@ class SessionHub:
         return client
 
     def detach(self, client: AttachedClient) -> None:
-        """Remove a client that has gone. Its control goes to the one who asked for it, or to nobody."""
+        """Remove a client that has gone. Its control goes to the wizard who asked for it, or to nobody."""
         if self.clients.get(client.name) is not client:
             return
         del self.clients[client.name]
@@ -181,7 +181,7 @@ class SessionHub:
             self.on_wizards_gone()
 
     def summary(self) -> SessionSummary:
-        """Summarize the session, without what only its server knows."""
+        """Summarize the session, as far as it is known without the server."""
         engine, scenario, view = self.engine, self.engine.scenario, self.view
         return SessionSummary(
             version=VERSION,
@@ -209,7 +209,7 @@ class SessionHub:
     # --- requests of clients ------------------------------------------------------------------------------------
 
     def note_alive(self) -> None:
-        """Note that this process runs. It calls this again and again, so that a standstill shows."""
+        """Note that this process runs. It must be called regularly, so that a standstill shows."""
         self.may_be_old()
         self._alive_at, self._suspended = monotonic(), suspended_seconds()
         offset, before = time() - self._alive_at - self._suspended, self._clock_offset
@@ -220,7 +220,7 @@ class SessionHub:
             self.engine.post(Note(text=told))
 
     def may_be_old(self) -> bool:
-        """Whether this process or the computer has just stood still, so that what comes may have been asked before."""
+        """Whether this process or the computer has just stood still, so that requests may be older."""
         now, suspended = monotonic(), suspended_seconds()
         if self._alive_at is None:
             return False
@@ -236,7 +236,7 @@ class SessionHub:
         return now < self._old_until
 
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
-        """Pass an input on, in the client's name; `answer` is called once."""
+        """Pass an input on under the client's name; `answer` is called once."""
         problem = self._why_not_submit(client, message)
         if problem:
             answer(Reply(False, problem))
@@ -250,7 +250,7 @@ class SessionHub:
             problem = "an observer never has control; attach as a wizard to have it"
         if not problem and client.role == "node":
             problem = "a program needs no control: it may submit at any time"
-        if not problem and verb in ("take", "ask") and self.engine.waits_for_wizard:  # it lets acts begin
+        if not problem and verb in ("take", "ask") and self.engine.waits_for_wizard:  # control lets acts begin
             problem = self._why_not_begin()
         if problem:
             answer(Reply(False, problem))
@@ -271,11 +271,11 @@ class SessionHub:
                 answer(Reply(False, "nobody has asked for control; release it, so that others can take it"))
             case "give":
                 self._set_control("given", client, requester, answer)
-            case "release":  # also takes a request back
+            case "release":  # or withdraw a request
                 self._set_control("released", client, None if holder is client else holder, answer)
 
     def end_session(self, client: AttachedClient, reason: str, answer: ReplyCallback) -> None:
-        """End the session; the answer says that it begins to end."""
+        """End the session; the answer confirms only that it begins to end."""
         problem = self._why_not_judge(client, "end the session")
         if problem:
             answer(Reply(False, problem))
@@ -321,7 +321,7 @@ class SessionHub:
         return f"you do not hold control: {self._holder_sentence()}"
 
     def _why_not_begin(self) -> str:
-        """Return why nothing may begin that a client asks for now; empty: it may."""
+        """Return why clients may not start anything now; empty: they may."""
         if self.may_be_old():
             return f"{MAY_BE_OLD}: ask again"
         if (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
@@ -340,7 +340,7 @@ class SessionHub:
         return ""
 
     def _why_not_release(self, client: AttachedClient) -> str:
-        """Return why a program may not release a stop or a held part: only a person may, or a program that is named."""
+        """Return why a program may not release a stop or a held part. Only people and named programs may."""
         named = self.engine.scenario.may_release
         program = client.source.partition(":")[2]
         if program in named:
@@ -356,7 +356,7 @@ class SessionHub:
 
     @property
     def _has_begun(self) -> bool:
-        """Whether the engine has taken its first input; no client's input may come before."""
+        """Whether the engine has handled its first input. No client's input may come before."""
         return self.engine.inputs != self._inputs_before
 
     def _set_control(
@@ -366,10 +366,10 @@ class SessionHub:
         holder: AttachedClient | None,
         answer: ReplyCallback | None = None,
     ) -> None:
-        """Give control to `holder`, because of what `by` did. It is effective immediately, before it is recorded.
+        """Give control to `holder`, because of `by`. It is effective immediately, before it is recorded.
 
-        With `answer` it is a request, and undone if it is rejected. Without, it is a fact (somebody has gone), and
-        recorded later if that is not possible now.
+        With `answer` it is a request, undone if it is rejected. Without, it is a fact (a client has gone), recorded
+        later if necessary.
         """
         before = self._holder, self._requester
         after = self._holder, self._requester = holder, by if status == "asked" else None
@@ -387,7 +387,7 @@ class SessionHub:
         self.engine.accept(fact, undo_if_rejected)
 
     def _assign_control_at_start(self) -> None:
-        """Give control to a wizard who attached before the first record; a holder from before a crash loses it."""
+        """Give control to a wizard who attached before the first record. A holder from before a crash loses it."""
         self._first_record_came = True
         if self._holder is not None:
             return

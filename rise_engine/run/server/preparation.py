@@ -1,4 +1,4 @@
-"""The preparation of a session, with every possible refusal: its name, scenario, robot and journal.
+"""The preparation of a session, with all refusals: its name, scenario, robot and journal.
 
 `SessionPreparation` locks the session's name, chooses between a new session and one that did not end, loads or recovers
 it, and opens its journal. A refusal is a `ServeRefused`, with the exit status and sentences for a person.
@@ -58,20 +58,20 @@ class SessionPreparation:
     """One session, from its options to its open journal. The caller closes it."""
 
     def __init__(self, options: SessionOptions, report: ReportStartup) -> None:
-        """Choose the session and load its scenario, or recover it, which can take long.
+        """Choose the session, and load its scenario or recover it, which can take long.
 
         :param options: the user's.
-        :param report: gets sentences about the progress of a recovery.
+        :param report: gets sentences about a recovery.
         :raises ServeRefused: nothing was started; locks are released.
         """
         self.options = options = _with_study_of_session(options)
         self.study = StudyPreparation(options) if options.study else None
-        """For a session of a study."""
+        """Only for a session of a study."""
         self.recovered: RecoveredSession | None = None
         self.started = SessionStarted()
         """The first input of a new session."""
         self.lock: JournalLock | None = None
-        """The journal's lock of a session that continues, until the journal is open."""
+        """The journal's lock of a continued session, until the journal is open."""
         self.name = options.socket_name or session_name(Path(options.study or options.folder))
         self.name_lock = self._acquire_name()
         try:
@@ -81,7 +81,7 @@ class SessionPreparation:
             else:
                 self._load_scenario()
                 self._refuse_other_memory()
-        except SessionError as error:  # a file of another session that somebody has edited, for example
+        except SessionError as error:  # for example, an edited file of another session
             self.close()
             raise ServeRefused(exit_status.FAILED, str(error)) from None
         except BaseException:
@@ -131,7 +131,7 @@ class SessionPreparation:
                 others=others,
             )
         if options.unfinished == "new":
-            for folder in theirs:  # those of others can still be recovered
+            for folder in theirs:  # others can still be recovered
                 mark_abandoned(folder)
             return None
         if others and not theirs:
@@ -143,12 +143,11 @@ class SessionPreparation:
         return theirs[0] if theirs else None
 
     def _is_theirs(self, unfinished: Path) -> bool:
-        """Whether a session is of the named participant and condition, by its journal. Only to continue it, its other
-        files must say the same."""
+        """Whether a session is of the named participant and condition, by its journal. Its other files may differ."""
         return belongs_to(read_info(unfinished, compare=False), self.options.participant, self.options.condition)
 
     def _refuse_if_running(self, scenario_folder: str) -> None:
-        """Refuse a second session of a scenario in any environment, unless this one has its own socket name."""
+        """Refuse a second session of a scenario in any environment, unless it has its own socket name."""
         if self.options.socket_name is not None:
             return
         for folder, holder in running_sessions(str(Path(scenario_folder).absolute())).items():
@@ -194,12 +193,12 @@ class SessionPreparation:
         self._files = loaded.files
 
     def _refuse_other_memory(self) -> None:
-        """Check that the first tasks do not change what the condition sets, from the command line or a study's plan."""
+        """Check that the first tasks do not change values of the condition, from the command line or a study's plan."""
         if problems := set_conflicts(self.scenario, self.started, self.options.first_tasks):
             raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
 
     def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
-        """Open the journal of the session that continues, or make the folder and the journal of a new one.
+        """Open the journal of a continued session, or make the folder and journal of a new one.
 
         :param changed: passed to `Journal`, which calls it on its thread.
         :param now: returns the session's time.
@@ -210,7 +209,7 @@ class SessionPreparation:
                 journal = Journal(
                     self.folder / JOURNAL, size=self.recovered.size, lock=self.lock, changed=changed, now=now
                 )
-                self.lock = None  # it belongs to the journal now
+                self.lock = None  # the journal owns it now
                 return journal
             return self._begin(changed, now)
         except OSError as error:
@@ -276,12 +275,12 @@ class SessionPreparation:
 
     @property
     def session_id(self) -> str:
-        """The source of the goals' UUIDs, which stays the same after a recovery, also if the folder was renamed."""
+        """The source of the goals' UUIDs. It stays the same after a recovery and in a renamed folder."""
         begun = self.recovered.kernel.begun if self.recovered is not None else self.started
         return begun.goals or f"{self.folder.name} {self.seed}"
 
     def decide_recording(self) -> RecordingDecision:
-        """Decide what records the session, once its journal is open; nothing outside of a study."""
+        """Decide which recorders run, once its journal is open; none outside of a study."""
         if self.study is None:
             return RecordingDecision(RecordingSettings())
         return self.study.decide_recording(read_info(self.folder))

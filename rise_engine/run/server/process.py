@@ -1,7 +1,7 @@
 """`rise-engine serve`: one session in its own process, which survives its consoles.
 
-`SessionPreparation` decides what is run. The process runs its engine and listens on the session's socket to its end.
-SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
+`SessionPreparation` decides what to run. The process runs its engine and serves the session's socket. SIGTERM and
+SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
 """
 
 from __future__ import annotations
@@ -43,12 +43,11 @@ from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header
 
 RECORD_SECONDS = 5.0
-"""Real seconds that the disk gets to take the last records."""
+"""Real seconds for the disk to store the last records."""
 LEFTOVER_SECONDS = 5.0
-"""Seconds after a recovery, and after the last wizard has left, in which one can attach and decide about what the robot
-is still doing."""
+"""Seconds after a recovery, or after the last wizard has left, in which a wizard can decide about open goals."""
 POLL_SECONDS = 0.5
-"""Interval between two checks of the journal, so that a lag shows, and of this process, so that a standstill does."""
+"""Interval for checking the journal, so that a lag shows, and this process, so that a standstill shows."""
 
 _ENDING = (signal.SIGTERM, signal.SIGINT)
 """The signals that end the session."""
@@ -58,14 +57,14 @@ def serve(options: SessionOptions, report: ReportStartup) -> int:
     """Serve a session until it ends.
 
     :param options: what to run.
-    :param report: gets the progress, and finally whether the session is served, or why not.
+    :param report: gets the progress, and finally whether the session is served.
     :return: the exit status.
     """
     preparation: SessionPreparation | None = None
     early: list[str] = []
 
     def on_signal(number: int, frame: object) -> None:
-        """Remember it until there is a session to end: a recovery must not leave the robot as it is."""
+        """Remember it until the session can be ended: a recovery must not leave the robot unattended."""
         if number in _ENDING:
             early.append(signal.Signals(number).name)
 
@@ -90,13 +89,13 @@ class _SessionProcess:
         self.prepared = prepared
         self.report = report
         self.early = early
-        """The signals that came before the session began."""
+        """The signals from before the session began."""
         self.ending = False
         self.signals = 0
-        """How many have asked it to end."""
+        """The number of signals to end it."""
 
     async def run(self) -> int:
-        # Before a session is made: a driver may be missing, or refuse an option.
+        # First: a driver may be missing, or refuse an option.
         bridge = await self.prepared.connect()
         try:
             return await self._serve(bridge)
@@ -135,7 +134,7 @@ class _SessionProcess:
             on_network = f"the session is on {bridge.about}" if bridge is not None else ""
             self._begin(engine, *filter(None, (on_network, recording.remark)))
             await ended.wait()
-        except Exception as error:  # the robot must not go on without its engine
+        except Exception as error:  # the robot must not continue without its engine
             failed = True
             if engine.failure is None:
                 logging.getLogger(__name__).error("the session failed", exc_info=error)
@@ -145,7 +144,7 @@ class _SessionProcess:
             polling.cancel()
             _notify_systemd("STOPPING=1")
             await server.close()
-            await self.companions.finish()  # outlets; and the recorders of a session that failed
+            await self.companions.finish()  # outlets, and the recorders of a failed session
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
@@ -160,7 +159,7 @@ class _SessionProcess:
         return exit_status.OK
 
     def _begin(self, engine: Engine, *remarks: str) -> None:
-        """Begin the session, and end it at once if somebody has asked for that meanwhile."""
+        """Begin the session, and end it immediately if a signal came meanwhile."""
         self._start_engine(engine)
         for remark in remarks:
             engine.post(Note(text=remark))
@@ -233,18 +232,18 @@ class _SessionProcess:
 
     @property
     def _stop_file(self) -> Path:
-        """Beside the socket, in memory: it keeps a stop that the disk of the session refuses, for the next engine."""
+        """Beside the socket, in memory: it keeps a stop that the disk does not store, for the next engine."""
         return self.prepared.name_lock.socket.with_suffix(".stop")
 
     def _keep_unrecorded_stop(self, update: Update) -> None:
-        with suppress(OSError):  # nothing else can be done
+        with suppress(OSError):  # nothing else is possible
             if isinstance(update, JournalStatus) and update.stop is not None:
                 self._stop_file.write_text(f"{self.prepared.folder.name}\n{update.stop.source}", "utf-8")
             elif isinstance(update, StopRecord):
                 self._stop_file.unlink(missing_ok=True)
 
     def _read_unrecorded_stop(self) -> str | None:
-        """Return who stopped this session before its engine died, if the disk has not taken that."""
+        """Return the source of the last stop before the engine died, if the journal does not have it."""
         try:
             session, _, source = self._stop_file.read_text("utf-8").partition("\n")
         except (OSError, UnicodeDecodeError):
@@ -255,14 +254,14 @@ class _SessionProcess:
         self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
 
     def _cancel_leftovers(self) -> None:
-        """Stop what an earlier engine left running, if no wizard is there to decide about it."""
-        if not self.engine.holding_goals:  # all has ended, or people have released it
+        """Stop the open goals of an earlier engine if no wizard is attached to decide about them."""
+        if not self.engine.holding_goals:  # all have ended or were released
             self.hub.on_wizards_gone = lambda: None
         elif not self.hub.has_wizard:
             self.engine.accept(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:
-        """Schedule the tasks of a rehearsal. Those of one moment share a timer: a loop keeps no order of timers."""
+        """Schedule the tasks of a rehearsal. Tasks of one time share a timer, because a loop does not order timers."""
         due: dict[float, list[Submit]] = {}
         for timed in self.prepared.options.script:
             due.setdefault(timed.at, []).append(timed.task)
@@ -302,7 +301,7 @@ class _SessionProcess:
             self._end_engine(reason)
 
     def _end_engine(self, reason: str) -> None:
-        # Whoever ends it so early does not know what an earlier engine has left on the robot.
+        # A signal this early comes without knowledge of an earlier engine's open goals.
         self.engine.end(reason, stop=True if self.early else None)
         self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)
 
@@ -326,7 +325,7 @@ def report_to_pipe(descriptor: int) -> ReportStartup:
     """
 
     def write(message: StartupProgress | StartOutcome) -> None:
-        with suppress(OSError):  # nobody waits any more; the session continues
+        with suppress(OSError):  # nothing reads it any more; the session continues
             os.write(descriptor, encode(message) + b"\n")
         if not isinstance(message, StartupProgress):
             os.close(descriptor)

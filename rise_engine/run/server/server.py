@@ -1,10 +1,10 @@
 """The session's socket, in the engine's loop. The engine never waits for a client.
 
-These rules keep the loop free, whatever clients do:
-- messages are taken in turn, one of each client, with a limit for each turn of the loop; stop-all comes first;
+These rules keep the loop free:
+- messages are handled in turn, one of each client, with a limit for each turn of the loop; stop-all comes first;
 - records are encoded once, gathered for one turn of the loop, and shared by all queues;
 - a client that is too far behind is cut, and attaches again when it can;
-- attaching clients get the state in pieces, a few for each client in a turn of the loop.
+- attaching clients get the state in pieces, a few in each turn of the loop.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ HEARTBEAT_SECONDS = 1.0
 """Interval between two signs of life."""
 SLICE_SECONDS = 0.005
 SLICE_BYTES = 65_536
-"""Limits of the messages taken in one turn of the loop, in seconds and bytes, so that their effects go out too."""
+"""Limits in seconds and bytes of the messages handled in one turn of the loop, so that their effects are sent, too."""
 
 
 class SessionServer:
@@ -86,10 +86,10 @@ class SessionServer:
         self.lag: LagMeter
         self._server: asyncio.AbstractServer | None = None
         self._encoded_scenario: tuple[Scenario | None, bytes] = (None, b"")
-        """The scenario's message for clients that want it, made once."""
+        """The scenario's message for clients that want it, with its scenario."""
         self._attached: set[ClientConnection] = set()
         self._waiting_connections: deque[ClientConnection] = deque()
-        """Connections with lines that were not taken yet."""
+        """Connections with waiting lines."""
         self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
         self._all_gone = asyncio.Event()
         self._records: list[bytes] = []
@@ -106,7 +106,7 @@ class SessionServer:
             listening.setblocking(False)
             listening.bind(str(self.path))
             self.path.chmod(0o600)
-            # The loop accepts `backlog` connections in one turn, so this is small; the system's own queue is longer.
+            # Small, because the loop accepts `backlog` connections in one turn. The system's own queue is longer.
             accept = partial(ClientConnection, self)
             self._server = await self._loop.create_unix_server(accept, sock=listening, backlog=16)
             listening.listen(512)
@@ -117,7 +117,7 @@ class SessionServer:
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
 
     async def close(self) -> None:
-        """Announce the session's end, if it is over, and end all connections. Waits a moment for clients that read."""
+        """Announce the session's end, if it is over, and end all connections. Waits briefly for clients that read."""
         if self._server is None:
             return
         self._server.close()
@@ -156,7 +156,7 @@ class SessionServer:
             _refuse(connection, "this session belongs to another user")
 
     def _end_idle(self) -> None:
-        """End the connections whose time to attach, or to read, is over."""
+        """End the connections whose time limit to attach or to read is over."""
         oldest = self._loop.time() - ATTACH_SECONDS
         for connection in tuple(self.connections):
             if connection.client is None and connection.opened_at < oldest:
@@ -175,14 +175,14 @@ class SessionServer:
     # --- input: one message of each client in turn ------------------------------------------------------------------
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        if urgent:  # a stop-all does not wait behind long messages of others
+        if urgent:  # a stop-all does not wait behind long messages of other clients
             self._waiting_connections.appendleft(connection)
         else:
             self._waiting_connections.append(connection)
         self._messages.wake()
 
     def _take_message(self) -> int:
-        """Take one message of the next client; return its length."""
+        """Handle one message of the next client; return its length."""
         if not self._waiting_connections:
             return 0
         connection = self._waiting_connections.popleft()
@@ -191,7 +191,7 @@ class SessionServer:
         data = connection.take_line()
         try:
             self._take_line(connection, data)
-        except Exception:  # the engine's own failure ends the session; no other error may affect other clients
+        except Exception:  # only the engine's own failure ends the session
             _LOG.exception("a client's message failed")
             _refuse(connection, "this message could not be handled; the engine's log says why")
         if connection.has_line:
@@ -255,9 +255,9 @@ class SessionServer:
         if len(self._attached) >= MAX_CLIENTS:
             raise Rejected(f"{MAX_CLIENTS} clients are connected to this session already")
         client = connection.client = self.hub.attach(message.name, message.role)
-        self._flush_records()  # the state has them already
+        self._flush_records()  # the state includes them
         self._attached.add(connection)
-        # Everything that can still change is encoded now; other tasks follow, some at a time.
+        # Tasks that can still change are encoded now; the others follow in portions.
         changing = self.hub.changing_tasks()
         scenario = self._scenario_line if message.scenario else b""
         first = encode_line(self._make_hello(client)) + scenario + encode_line(TasksMessage(changing))
@@ -297,7 +297,7 @@ class SessionServer:
             self._loop.call_soon(self._flush)
 
     def _flush(self) -> None:
-        """Send records first: a client that reads that an input was accepted has already seen its records."""
+        """Send records before replies: a client has the records of an input when it reads that it was accepted."""
         self._flushing = False
         self._flush_records()
         replies, self._replies = self._replies, {}
@@ -340,7 +340,7 @@ class SessionServer:
         self._loop.call_soon(self._let_attach_anew)
 
     def _let_attach_anew(self) -> None:
-        """Send what is under way, including the reply to the request, and end the connections."""
+        """Send waiting data, including the reply to the request, and end the connections."""
         self._flush()
         for connection in tuple(self._attached):
             _refuse(connection, "the files of the scenario have changed: attach again")

@@ -1,4 +1,4 @@
-"""The start of an engine in the background, without a terminal, and its report whether it serves."""
+"""Starts an engine in the background, without a terminal, and reads its report whether it serves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_engine.run.protocol.registry import RegistryError, runtime_folder
 from rise_engine.run.protocol.session_options import SessionOptions
 
 SILENCE_SECONDS = 30.0
-"""Maximum silence in seconds of an engine before it serves; a recovery reports its progress."""
+"""Maximum silence in seconds of an engine before it serves. A recovery reports its progress."""
 
 
 class StartupProgress(Struct, frozen=True, tag="progress"):
@@ -35,7 +35,7 @@ class EngineStarted(Struct, frozen=True, tag="started"):
     """The session's name, for `SocketClient`."""
     folder: str
     lines: list[str] = []
-    """About a recovery, for a person."""
+    """Sentences about a recovery."""
     recovered: bool = False
     """Whether a session that did not end continues."""
 
@@ -49,15 +49,15 @@ class EngineRefused(Struct, frozen=True, tag="refused"):
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
     others: list[tuple[str, str]] = []
-    """Other unfinished sessions, of other participants or conditions than the named ones."""
+    """Unfinished sessions of other participants or conditions than the named ones."""
     socket: str = ""
-    """The socket of a session that already runs, if it is not reached by its name."""
+    """The socket of a session that already runs, if its name does not lead there."""
 
 
 StartOutcome: TypeAlias = EngineStarted | EngineRefused
 
 ReportStartup: TypeAlias = Callable[[StartupProgress | StartOutcome], None]
-"""A function that gets an engine's progress, and finally whether it serves."""
+"""Takes an engine's progress, and finally whether it serves."""
 
 
 class EngineProcess:
@@ -94,7 +94,7 @@ class EngineProcess:
             os.close(log)
 
     def wait(self, on_progress: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
-        """Wait (blocking) until the engine serves or refuses, as long as it reports progress.
+        """Wait (blocking) until the engine serves or refuses, or is silent for too long.
 
         :param on_progress: gets sentences about the progress.
         """
@@ -109,7 +109,7 @@ class EngineProcess:
         return outcome
 
     def _read_outcome(self, on_progress: Callable[[str], object]) -> StartOutcome | None:
-        """Return its last message; None if it has gone, or is silent for too long."""
+        """Return its last message; None: it has gone, or is silent for too long."""
         text = b""
         while True:
             if not select([self._report_pipe], [], [], SILENCE_SECONDS)[0]:

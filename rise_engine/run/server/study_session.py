@@ -1,8 +1,8 @@
 """A session of a study from its options to its entries in the study's log.
 
-It writes in this order, under the log's lock; a kill after a write leaves a known state. After `taken`, the participant
-gets the same row again. A session's folder in which nothing has happened is passed over. The journal follows. Then
-`session` and, at the end, `outcome`: the folder and the journal say the same, and the study's next opening writes them.
+It writes in this order, under the log's lock, so that a kill after any write leaves a known state. After `taken`, the
+participant gets the same row again. Then come the session's folder, ignored while it is empty, and the journal.
+`session` and, at the end, `outcome` repeat what these say, so the next opening of the study can write them.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class StudyPreparation:
             return unfinished
 
     def refuse_running(self) -> None:
-        """Say whose session has the study's name. Raises ServeRefused."""
+        """Name the running session of the study. Raises ServeRefused."""
         with ExitStack() as stack:
             self._raise_running(self._open(stack).state)
         raise ServeRefused(exit_status.REFUSED, f"a session of this study is just beginning or ending: {self.folder}")
@@ -145,7 +145,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
     def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
-        """Refuse because a session runs; name only the participant's own with its socket, for a console to attach."""
+        """Refuse because a session runs. Only the participant's own is named, with its socket for a console."""
         participant = self.options.participant
         running = next((each for each in state.sessions if each.entry.status == "running"), None)
         if running is None:
@@ -235,7 +235,7 @@ class StudyPreparation:
         log.append("session", **session_fields(folder.name, info), checks=checks)
 
     def decide_recording(self, info: SessionInfo) -> RecordingDecision:
-        """Decide what records the session, a new one or one that continues.
+        """Decide which recorders run in a new or continued session.
 
         :param info: its session.toml.
         """
@@ -246,7 +246,7 @@ class StudyPreparation:
     # --- continuing and ending --------------------------------------------------------------------------------------
 
     def unrecorded_checks(self, folder: Path, view: SessionView) -> list[CheckReport]:
-        """Return the checks of a continued session that its earlier engine did not record."""
+        """Return the checks of a continued session that are missing in its record."""
         entry = next(
             (each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None
         )
@@ -255,16 +255,16 @@ class StudyPreparation:
         return [each for each in reports if each.id not in view.checks]
 
     def note_ended(self) -> None:
-        """Write the outcome after the journal is closed; failing that, the study's next opening finds it there."""
+        """Write the outcome after the journal is closed. If that fails, the study's next opening writes it."""
         try:
             with OpenStudy(self.folder):
-                pass  # opening it writes what the session folders say
+                pass  # opening it writes the state of the session folders
         except (FileError, StudyLogError) as error:
             _LOG.error("the outcome is in the journal and not yet in the study's log: %s", error)
 
 
 def give_up(log: LockedLog, session: StudySession) -> None:
-    """Give up a session that did not end, so that nobody is asked again to continue it.
+    """Give up a session that did not end, so that it is not offered again for continuing.
 
     :raises StudyLogError: it cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Replacement of the scenario of a running session by its changed files (semantics.md 12.5)."""
+"""Replaces the scenario of a running session by its changed files (semantics.md 12.5)."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MOST_ERRORS = 3
 
 
 class ScenarioTakeover:
-    """The transfer of changed files: it reads and copies them, and passes them to the engine."""
+    """The takeover of changed files: it reads and copies them, and passes them to the engine."""
 
     def __init__(self, engine: Engine, folder: Path, paths: dict[str, str], taken_over: Callable[[], object]) -> None:
         """:param engine: the session's.
         :param folder: the session's.
-        :param paths: paths of acts, rules and memory, if the session began with others than the scenario's.
-        :param taken_over: called when it has been done.
+        :param paths: paths of acts, rules and memory, if they differ from the scenario's.
+        :param taken_over: called afterwards.
         """
         self._engine = engine
         self._folder = folder
@@ -34,10 +34,10 @@ class ScenarioTakeover:
         self._under_way: asyncio.Task[None] | None = None
 
     def begin(self, source: str, answer: ReplyCallback) -> None:
-        """Begin to take over; the loop does not wait for the disk.
+        """Begin the takeover; the loop does not wait for the disk.
 
         :param source: who requested it.
-        :param answer: called once: that it is done, or why it is not.
+        :param answer: called once with the result.
         """
         if self._under_way is not None:
             answer(Reply(False, "the session is already taking over changed files"))
@@ -47,7 +47,7 @@ class ScenarioTakeover:
     async def _take_over(self, source: str, answer: ReplyCallback) -> None:
         try:
             await self._read_and_take_over(source, answer)
-        except Exception as error:  # somebody waits for the answer
+        except Exception as error:  # the caller waits for the answer
             answer(Reply(False, f"the changed files could not be taken over ({error})"))
             raise
         finally:
@@ -58,7 +58,7 @@ class ScenarioTakeover:
         return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
 
     def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
-        """Answer, and then, after it is recorded, notify others."""
+        """Return a callback that answers and then notifies the owner."""
 
         def answer_and_tell(reply: Reply) -> None:
             answer(reply)

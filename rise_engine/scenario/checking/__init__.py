@@ -1,1 +1,1 @@
-"""Checks across files, and who uses which name."""
+"""Checks across files, and the uses of names."""

@@ -1,4 +1,4 @@
-"""Checks across files: every name must exist, and a study should notice when an act has failed."""
+"""Checks across files: names must exist, and a study should react to failed acts."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def engine_topics(draft: ScenarioDraft) -> set[str]:
 
 
 def _remember_suggestions(known: Collection[str], otherwise: str = "") -> Callable[[str], Correction]:
-    """A cached function that returns the nearest of these names, or else this end of a message."""
+    """Return a cached function for the nearest of these names, or else for this end of a message."""
     return cache(lambda name: suggest(name, known, limit=0, otherwise=otherwise))
 
 
@@ -93,9 +93,9 @@ def _check_names(
 
 
 def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Warn of transitions that are never taken: their own rule does not start the act whose end they wait for."""
+    """Warn of transitions that are never taken: their rule does not start the act whose end they wait for."""
     for end in draft.foreign_ends:
-        # A missing act has an error already, unless some acts could not be read.
+        # A missing act already has an error, unless some acts could not be read.
         if end.act in draft.acts or "acts" in draft.unreadable_parts:
             message = (
                 f"never taken: this rule does not start `{end.act}` itself; an act that somebody else has "
@@ -105,7 +105,7 @@ def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Report missing states in which some rule should begin, or for which a property asks."""
+    """Report missing states in which a rule should begin, or which a property names."""
     for mention in (*draft.state_mentions, *draft.asked_states):
         rule = draft.rules.get(mention.rule)
         if rule is not None and rule.initial and mention.name not in rule.states:
@@ -115,7 +115,7 @@ def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_reachable(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Warn of states to which no transitions lead from the states where their rule can begin."""
+    """Warn of states that are unreachable from the states in which their rule can begin."""
     starts: dict[str, list[str]] = {}
     for mention in draft.state_mentions:
         starts.setdefault(mention.rule, []).append(mention.name)
@@ -141,7 +141,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     suggest_topic = _remember_suggestions(known, "; something outside must")
     for mention in draft.awaited_topics:
         name = mention.name
-        if name in own or name in by_engine or name in by_missing:  # missing names have their diagnostic already
+        if name in own or name in by_engine or name in by_missing:  # missing names already have a diagnostic
             continue
         diagnostics.warning(
             unknown_code("unraised-event", name, known),
@@ -214,7 +214,7 @@ def check_failures(
 ) -> None:
     """Warn once for each rule that waits for `/ACT_end` although nothing handles a failure of that act.
 
-    Only acts that the rule starts itself and that can fail count, and no fillers.
+    Only acts count that the rule itself starts and that can fail, except fillers.
     """
     heard = {mention.name for mention in draft.awaited_topics}
     settings = tables.settings_by_act(draft.acts)
@@ -241,7 +241,7 @@ def check_failures(
 
 
 def _unanswered_ends(rule: Rule) -> Iterator[tuple[str, SourceLocation]]:
-    """The acts for whose end, whatever the outcome, a state waits without a transition for their failure."""
+    """The acts for whose end a state waits, whatever the outcome, without a transition for their failure."""
     started = _started_acts(rule)
     for state in rule.states.values():
         for way in state.transitions:
@@ -259,7 +259,7 @@ def _takes_failure(state: State, act: str) -> bool:
 
 
 def _can_fail(act: Act, robot: RobotProfile) -> bool:
-    """Whether a failing action would end the act. The engine's own wait does not fail."""
+    """Whether a failing action would end the act. The engine's own wait cannot fail."""
     return any(
         not action.continue_on_failure and not _is_engine(call.type, robot)
         for action in act.actions

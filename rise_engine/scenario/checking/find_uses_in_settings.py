@@ -39,7 +39,7 @@ def uses_in_trials(file: TomlFile, rules: Mapping[str, Rule]) -> list[Use]:
     """The uses in `[trials]` of scenario.toml.
 
     :param file: scenario.toml.
-    :param rules: those of the scenario. A state that only one rule has may be written without its rule.
+    :param rules: the scenario's rules. A state that only one rule has may be written without its rule.
     """
     return list(_SettingsUses(file).find_in_trials(rules))
 

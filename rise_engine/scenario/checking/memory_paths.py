@@ -1,12 +1,12 @@
-"""Checks whether the memory keys of a scenario can exist, and knows the engine's own values under `session`.
+"""Checks whether the memory keys of a scenario can exist, including the engine's own values under `session`.
 
-Dotted keys are followed into the start values. A key can exist if it is in the start values, or if a rule or a key of
-the keyboard sets it, a part of the path to it, or something inside it. A start value that nothing sets never changes,
-so a path that ends early there never exists. A null is a value that is still to come: any path may continue after it.
+Dotted keys are followed into the start values. A key can exist if it is in the start values. It can also exist if a
+rule or a key of the keyboard sets it, a parent or a part of it. A start value that nothing sets never changes, so a
+path that ends early there never exists. A null is a value that will be set later: any path may continue after it.
 
-Parts that a scenario reads (`items[i].text`) must exist, too, and tables are used and never changed. Only provable
-mistakes are errors: a column that a table does not have, a row or an entry after the last. An index that is computed
-while a session runs may be any entry, so only what no entry has is a mistake.
+Parts that a scenario reads (`items[i].text`) must exist, too; tables must be used and cannot be changed. Only provable
+mistakes are errors: a missing column of a table, a row or an entry after the last. An index that a session computes may
+be any entry, so only a part that no entry has is an error.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from rise_engine.scenario.model import SESSION, Act, Action, Json, Table
 from rise_engine.scenario.speech.template import MemorySlot
 
 _FEW = 12
-"""How many names of an object a message lists."""
+"""Maximum number of names of an object in a message."""
 _SHORT = 1_000
-"""The longest such list, in characters."""
+"""Maximum length of such a list, in characters."""
 
 
 class MemoryPaths:
@@ -36,14 +36,14 @@ class MemoryPaths:
         self._start = start
         self._written = frozenset(written)
         self._within = {path for key in self._written for path in _key_prefixes(key)}
-        """The keys that some assignment reaches into."""
+        """The keys of which an assignment sets a part."""
 
     def is_known(self, key: str) -> bool:
-        """Whether something has or sets the key, or the value that it reaches into."""
+        """Whether the key has a value, is set, or is a part of such a value."""
         return key in self._start or self._is_written(key) or ("." in key and key.partition(".")[0] in self._start)
 
     def reading_problem(self, key: str) -> str:
-        """Why a known key can never have a value; empty if it can."""
+        """Why a known key can never have a value; empty: it can."""
         if key in self._start or self._is_written(key) or key.partition(".")[0] not in self._start:
             return ""
         value, path, missing = self._follow(key)
@@ -53,18 +53,18 @@ class MemoryPaths:
         return f"the memory never has `{key}`: {_why_it_ends(value, path, missing[0])}{remedy}"
 
     def writing_problem(self, key: str) -> str:
-        """Why a key can never be set; empty if it can."""
+        """Why a key can never be set; empty: it can."""
         if key in self._start or not isinstance(self._start.get(key.partition(".")[0]), dict | list):
             return ""
         if any(path in self._written for path in _key_prefixes(key)):
             return ""
         value, path, missing = self._follow(key)
-        if value is None or not missing or isinstance(value, dict):  # objects on the path are made
+        if value is None or not missing or isinstance(value, dict):  # objects on the path are created
             return ""
         return f"`{key}` cannot be set: {_why_it_ends(value, path)}"
 
     def _follow(self, key: str) -> tuple[Json, str, list[str]]:
-        """Follow a key into the start values. Returns the last value, the path to it, and the parts that are left."""
+        """Follow a key into the start values. Returns the last value, the path to it, and the remaining parts."""
         path, *parts = key.split(".")
         value = self._start[path]
         while parts:
@@ -81,7 +81,7 @@ class MemoryPaths:
         return key in self._within and (head in self._start or head in self._written)
 
     def _suggested_path(self, value: Json, path: str, missing: list[str]) -> str:
-        """The path that was most likely meant, as the end of a message."""
+        """The most likely intended path, as the end of a message."""
         if not isinstance(value, dict):
             return ""
         sibling = nearest_name(missing[0], value)
@@ -100,7 +100,7 @@ class MemoryPaths:
 
 
 def _why_it_ends(value: Json, path: str, part: str = "") -> str:
-    """Say where a path into the start values ends, and that nothing changes that."""
+    """Describe where a path into the start values ends, and that nothing changes this value."""
     if isinstance(value, list):
         entries = f"with the entries `{path}.0` to `{path}.{len(value) - 1}`" if len(value) > 1 else ""
         entries = entries or (f"with the one entry `{path}.0`" if value else "without entries")
@@ -113,7 +113,7 @@ def _why_it_ends(value: Json, path: str, part: str = "") -> str:
 
 
 def _key_prefixes(key: str) -> Iterator[str]:
-    """The keys that a dotted key reaches into: `a` and `a.b` for `a.b.c`."""
+    """The parents of a dotted key: `a` and `a.b` for `a.b.c`."""
     at = key.find(".")
     while at >= 0:
         yield key[:at]
@@ -136,7 +136,7 @@ EXAMPLE: dict[str, Json] = {
 
 
 def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Find out whether anything in the scenario reads the session's values."""
+    """Add the session's values if the scenario reads any of them."""
     reads = [
         mention
         for mentions in (
@@ -164,7 +164,7 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def factors_read(draft: ScenarioDraft) -> frozenset[str]:
-    """The study's factors that anything reads without a fallback: `pace` for `session.factors.pace`."""
+    """The study's factors that are read without a fallback: `pace` for `session.factors.pace`."""
     if not draft.session_keys:
         return frozenset()
     paths = (mention.name.split(".") for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys))
@@ -172,7 +172,7 @@ def factors_read(draft: ScenarioDraft) -> frozenset[str]:
 
 
 def keys_read(draft: ScenarioDraft) -> frozenset[str]:
-    """The memory keys that anything reads, up to their first dot."""
+    """The memory keys that are read, up to their first dot."""
     reads = (draft.key_reads, draft.optional_key_reads, draft.bare_words, draft.bare_keys, draft.spoken_keys)
     return frozenset(mention.name.partition(".")[0] for mentions in reads for mention in mentions)
 
@@ -190,13 +190,13 @@ def session_problem(draft: ScenarioDraft, key: str) -> str:
 
 
 _MOST = 1_000
-"""The most entries that an unknown index may mean. With more, nothing is proved."""
+"""Maximum number of entries that an unknown index may address. With more, nothing is proved."""
 _ANY = object()
-"""An index that is only known when a session runs."""
+"""An index that is only known during a session."""
 
 
 def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Report parts that do not exist, tables that something would change, and tables that nothing uses."""
+    """Report missing parts, assignments to tables, and unused tables."""
     _check_changes(draft, diagnostics)
     memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
     written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
@@ -223,7 +223,7 @@ def find_missing_parts(
         act: the act. Parts with a fallback are not needed.
         tables: of the scenario.
         memory: the memory at the start of the session.
-        changed: the first parts of keys that something in the scenario sets. All other keys keep their first value,
+        changed: the first parts of keys that the scenario sets. All other keys keep their first value,
             also as an index.
     """
     constants = {name: value for name, value in memory.items() if name.partition(".")[0] not in changed}
@@ -273,7 +273,7 @@ def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 class _PartPaths:
-    """Follows parts into tables and into start values that nothing changes."""
+    """Follows parts into tables and into constant start values."""
 
     def __init__(
         self,
@@ -285,12 +285,12 @@ class _PartPaths:
         self._tables = tables
         self._memory = memory
         self._changed = changed
-        """First parts of keys that something sets, or sets something in."""
+        """First parts of keys that are set, completely or in part."""
         self._constants = constants or {}
-        """Keys whose value is known when they are an index."""
+        """Keys whose value is known if they are an index."""
 
     def reading_problem(self, part: Part) -> str:
-        """Why a part can never exist; empty if it can."""
+        """Why a part can never exist; empty: it can."""
         if not isinstance(part.base, Key):
             return ""
         return self._problem(part.base.name, [*map(self._constant, part.steps)], part)
@@ -301,13 +301,13 @@ class _PartPaths:
         return self._problem(name, steps, Part(Key(name), tuple(steps), key)) if name in self._tables else ""
 
     def speaking_problem(self, part: Part) -> str:
-        """Why a part cannot be said (it is a whole row of a table); empty if it can."""
+        """Why a part cannot be spoken (it is a whole row of a table); empty: it can."""
         if isinstance(part.base, Key) and part.base.name in self._tables and len(part.steps) == 1:
             return _whole_table(part.base.name, self._tables[part.base.name], part.written)
         return ""
 
     def _constant(self, step: str | Node) -> Json:
-        """The value of a literal step, or of a key whose value is known; else _ANY."""
+        """The value of a literal step, or of a key with a known value; otherwise _ANY."""
         match step:
             case str():
                 return step
@@ -358,7 +358,7 @@ class _PartPaths:
 
 
 def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
-    """Why these steps lead nowhere from a start value; empty if they can. A null is a value that is still to come."""
+    """Why these steps lead nowhere from a start value; empty: they can. A null may get any value later."""
     if start is None:
         return ""
     holders = [start]
@@ -403,7 +403,7 @@ def _prefix(part: Part, count: int) -> str:
 
 
 def _prefixes(key: str) -> Iterator[str]:
-    """A key, and the keys that it reaches into."""
+    """A key and its parents."""
     parts = key.split(".")
     return (".".join(parts[: count + 1]) for count in range(len(parts)))
 

@@ -1,6 +1,6 @@
 """Uses of names in a scenario: of acts, rules, states, events, memory keys and actions, with their places.
 
-This module finds those in files of acts and rules, even in files with mistakes.
+This module finds those in files of acts and rules, even in files with errors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rise_engine.scenario.reading.element_reader import computed_part
 from rise_engine.syntax.xml import ENTITY, Element, read_entity
 
 UsedKind: TypeAlias = Literal["act", "rule", "state", "event", "key", "action"]
-"""A state's name is `RULE/STATE` here, an action's is `ACT/ID`. Events have no slash; a key is a memory key."""
+"""A state is `RULE/STATE` here, an action `ACT/ID`. Events have no slash; a key is a memory key."""
 
 
 class Use(Struct, frozen=True):
@@ -31,21 +31,20 @@ class Use(Struct, frozen=True):
     kind: UsedKind
     name: str
     location: SourceLocation
-    """Of the first character of the name. For something from a template: of the `<use>`, with the template's place."""
+    """The first character of the name. For a name from a template: the `<use>`, with the template's place."""
     length: int
-    """Characters of the name in the file, entities as written; 0: the name is composed of several pieces, and is not
-    written anywhere as a whole."""
+    """Characters of the name in the file, with entities; 0: the name is composed of several pieces."""
     defines: bool
-    """Whether this place defines the name (a key's start value counts), or only uses it."""
+    """Whether this place defines the name (like a key's start value), or only uses it."""
     where: str
-    """For a list, without the name: "rule Table setting, state Start, on entry", "key 2", "act R_Yes, action 3"."""
+    """The place without the name, for a list: "rule Table setting, state Start, on entry", "key 2"."""
     of: str = ""
     """The name of the act or rule that contains it; empty: another place."""
     in_template: bool = False
-    """Whether the name is written in the template (`place`), and not in the `<use>`."""
+    """Whether the name is written in the template (`place`), not in the `<use>`."""
 
     may_be_text: bool = False
-    """It is the only word on the right side of an assignment: a key, because the scenario has one of that name."""
+    """Whether it is the only word on the right of an assignment: a key if the scenario has it, else a text."""
 
     @property
     def place(self) -> SourceLocation:
@@ -56,7 +55,7 @@ class Use(Struct, frozen=True):
 
 
 class Uses:
-    """All uses of a scenario, by kind and name, found when they are first needed."""
+    """All uses of a scenario, by kind and name, searched on demand."""
 
     def __init__(self, uses: Iterable[Use]) -> None:
         self._uses = uses
@@ -108,7 +107,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
 def written_length(text: str, offset: int, name: str) -> int:
-    """The length of a name at an offset of an XML text, entities as written; 0 if something else is there.
+    """The length of a name at an offset of an XML text, with entities; 0: another text is there.
 
     >>> written_length('x="a&amp;b"', 3, "a&b")
     7
@@ -253,7 +252,7 @@ class _UseFinder:
             self.where = top
 
     def find_in_statement(self, element: Element) -> None:
-        """Find uses in a transition, a block or a function, and in everything that it contains."""
+        """Find uses in a transition, a block or a function, and in its contents."""
         rest = [element]
         while rest:
             each = rest.pop()
@@ -261,7 +260,7 @@ class _UseFinder:
             self.find_in_attributes(each)
 
     def find_in_attributes(self, element: Element) -> None:
-        """What the attributes of an element name, each by what it holds (`grammar`)."""
+        """Find the names in the attributes of an element, by their kind (`grammar`)."""
         forms = form_of(element.tag).attributes
         for name, value in element.attributes.items():
             if (form := forms.get(name)) is None:

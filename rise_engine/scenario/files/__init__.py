@@ -1,1 +1,1 @@
-"""The files of a scenario: where they are, what may be read and written, and where things stand in them."""
+"""The files of a scenario: their places, the permission to read and write them, and positions in them."""

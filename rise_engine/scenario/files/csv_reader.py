@@ -1,6 +1,6 @@
 """Reads files of comma-separated values, as spreadsheets write them, into rows with places.
 
-Python's csv module reads the values. It does not give their places, so this module finds those that it must report.
+Python's csv module reads the values. It does not give their places, so this module finds the places to report.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rise_engine.scenario.files.source_files import SourceFile
 
 MAX_COLUMNS = 200
 MAX_CHARACTERS = 10_000
-"""The longest value."""
+"""Maximum characters of a value."""
 TOO_LONG = f"a value has more than {MAX_CHARACTERS:,} characters; is a quotation mark never closed?"
 SEPARATORS = (",", ";", "\t")
 SHOWN = {",": "comma", ";": "semicolon", "\t": "tab", "|": "vertical line"}
@@ -34,11 +34,11 @@ class TableRecord(Struct, frozen=True):
     """Its offset in the file."""
     end: int
     values: list[str]
-    """Without blanks around them."""
+    """Without surrounding blanks."""
 
 
 class CsvReader:
-    """Reads the header and the rows of one file, and reports mistakes."""
+    """Reads the header and the rows of one file, and reports errors."""
 
     code = "table-form"
     """The code of diagnostics about the file's form."""
@@ -47,7 +47,7 @@ class CsvReader:
         """
         :param source: the file.
         :param diagnostics: gets the diagnostics.
-        :param separator: the separator of values; empty: the one that the header shows.
+        :param separator: the separator of values; empty: the one in the header.
         """
         self.source = source
         self.diagnostics = diagnostics
@@ -99,15 +99,15 @@ class CsvReader:
                 yield TableRecord(ends[first], ends[reader.line_num], values)
 
     def report_syntax(self, error: csv.Error, start: int, end: int) -> None:
-        """Report what the csv module could not read."""
+        """Report a value that the csv module could not read."""
         text = self.source.text[start:end]
         shown = SHOWN.get(self.separator, f"`{self.separator}`")
         if "new-line" in str(error):
             message = "a carriage return alone ends no line; save the file with the line ends of Windows or Unix"
             self.report(start + max(0, text.find("\r")), message)
         elif "limit" in str(error):
-            # The limit belongs to the whole process. If another library has raised it, such a value is read, and the
-            # code that reads the columns reports it in the same words.
+            # The limit applies to the whole process. If another library has raised it, the value is read, and the
+            # reader of the columns reports it in the same words.
             self.report(start, TOO_LONG)
         else:
             starts, bad = find_values(text, self.separator)
@@ -121,12 +121,12 @@ class CsvReader:
                 self.report(start + starts[-1], "this quotation mark is never closed")
 
     def value_at(self, row: TableRecord, at: int) -> int:
-        """The offset in the file of the value of a column; of the row's last value if the row is too short."""
+        """The offset in the file of the value of a column, or of the row's last value if the row is too short."""
         starts, _ = find_values(self.source.text[row.start : row.end], self.separator)
         return row.start + starts[min(at, len(starts) - 1)]
 
     def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
-        """The names of the columns that are used."""
+        """The names of the used columns."""
         names = header.values
         used = _count_used(names)
         for row in rows:  # Excel leaves a column without name and values where one was deleted
@@ -167,7 +167,7 @@ def _count_used(values: Sequence[str]) -> int:
 
 
 def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
-    """The offsets of the values of one row in its text, and the offset of the first mistake, or None."""
+    """The offsets of the values of one row in its text, and the offset of the first error, or None."""
     starts: list[int] = []
     at = line_end = 0
     while True:
@@ -207,7 +207,7 @@ def find_spans(text: str, separator: str) -> list[tuple[int, int]]:
 
 
 def _closing_quote(text: str, at: int) -> int:
-    """The offset after the quotation mark that closes a value; -1 if there is none."""
+    """The offset after the quotation mark that closes a value; -1: there is none."""
     while (at := text.find('"', at)) >= 0 and text.startswith('"', at + 1):
         at += 2
     return at + 1 if at >= 0 else -1

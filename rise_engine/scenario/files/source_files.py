@@ -1,6 +1,6 @@
-"""Reads files, and keeps the results for the next check, so that unchanged files are not read again.
+"""Reads files, and caches the results for the next check, so that unchanged files are not read again.
 
-The result for a file is a value with diagnostics that depends only on its key. So a check with kept results is equal to
+The result for a file is a value with diagnostics that depends only on its key. So a check with cached results equals
 one that reads everything (`tests/scenario/test_checker.py`).
 """
 
@@ -22,16 +22,16 @@ from rise_engine.scenario.model import SourceLocation
 
 Value = TypeVar("Value")
 _ROUNDS = 16
-"""After this many checks without a use, a result is forgotten. So an undo, or a preview of an edit, still finds it."""
+"""Number of checks without a use after which a result is removed. An undo, or a preview of an edit, still finds it."""
 _MOST_EXPRESSIONS = 20_000
 
 
 class Memo:
-    """Results by what they were computed from. For one check at a time."""
+    """A cache of results by their inputs. For one check at a time."""
 
     def __init__(self) -> None:
         self._kept: dict[Hashable, tuple[Any, list[int]]] = {}
-        """The value, and the round in which it was last needed."""
+        """The value, and the round of its last use."""
         self._numbers: dict[str, tuple[Any, int]] = {}
         self._round = 0
         self.expressions: dict[str, Expression] = {}
@@ -39,7 +39,7 @@ class Memo:
         self.assignments: dict[str, Assignment] = {}
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """The value kept under a key, or else the value that `make` returns."""
+        """The cached value, or else the value that `make` returns."""
         if (known := self._kept.get(key)) is None:
             self._kept[key] = known = (make(), [self._round])
         known[1][0] = self._round
@@ -47,7 +47,7 @@ class Memo:
         return value
 
     def read(self, key: Hashable, diagnostics: Diagnostics, make: Callable[[Diagnostics], Value]) -> Value:
-        """Like `get`, for something that reports diagnostics, which are reported each time."""
+        """Like `get`, for a reader that reports diagnostics, which are reported each time."""
 
         def make_with_findings() -> tuple[Value, Diagnostics]:
             found = Diagnostics()
@@ -64,7 +64,7 @@ class Memo:
         diagnostics: Diagnostics,
         make: Callable[[ScenarioDraft, Diagnostics], Value],
     ) -> Value:
-        """Like `read`, for something that makes a part of a draft, which is added to `draft`."""
+        """Like `read`, for a reader of a part of a draft, which is added to `draft`."""
 
         def make_part(found: Diagnostics) -> tuple[Value, ScenarioDraft]:
             part = ScenarioDraft(self.expressions, self.assignments)
@@ -75,7 +75,7 @@ class Memo:
         return value
 
     def number(self, kind: str, value: object) -> int:
-        """A number for a value that cannot be a key itself: the last number if the value is equal to the last one."""
+        """A number for a value that cannot be a key itself: the previous number if the value has not changed."""
         before, number = self._numbers.get(kind, (None, 0))
         if before is value or (number and before == value):
             return number
@@ -83,7 +83,7 @@ class Memo:
         return number + 1
 
     def end_round(self) -> None:
-        """Forget results that have not been needed for long."""
+        """Remove results that have not been used for long."""
         self._kept = {key: kept for key, kept in self._kept.items() if self._round - kept[1][0] < _ROUNDS}
         self._round += 1
         if len(self.expressions) + len(self.assignments) > _MOST_EXPRESSIONS:
@@ -104,9 +104,9 @@ _CONFLICT = re.compile(
     r"^<{7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?^={7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?(?P<closing>^>{7}(?=[ \r\n]|\Z))",
     re.MULTILINE | re.DOTALL,
 )
-"""The lines that git leaves where it could not merge two versions."""
+"""The lines of a git merge conflict."""
 _NAMED_CONFLICTS = 5
-"""How many further conflicts of a file a message names by line."""
+"""Maximum number of further conflicts of a file that a message lists by line."""
 
 
 class SourceFile:
@@ -132,7 +132,7 @@ class SourceFile:
         return SourceLocation(self.name, line, offset - starts[line - 1] + 1)
 
     def offset(self, line: int, column: int) -> int:
-        """The reverse of `location`, clipped to the text."""
+        """The reverse of `location`, limited to the text."""
         starts = self._line_starts
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
@@ -150,7 +150,7 @@ class SourceFile:
 
 
 class FileReader:
-    """Reads files and remembers them, so that a scenario can be identified by its content."""
+    """Reads files and remembers them, so that the scenario can be identified by their contents."""
 
     def __init__(
         self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None, memo: Memo | None = None
@@ -158,8 +158,8 @@ class FileReader:
         """
         :param folder: the scenario's folder.
         :param diagnostics: gets the diagnostics.
-        :param tree: the content of the folder; None: what is on the disk.
-        :param memo: results of earlier reading.
+        :param tree: the content of the folder; None: the disk's.
+        :param memo: cached results.
         """
         self.memo = memo or Memo()
         self.folder = folder
@@ -177,7 +177,7 @@ class FileReader:
     def read(
         self, path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
     ) -> SourceFile | None:
-        """Read a file of at most `most` bytes; None after a diagnostic. `remedy` ends the one about the encoding."""
+        """Read a file of at most `most` bytes; None after a diagnostic. `remedy` ends that about the encoding."""
         name = self.display_name(path)
         location = SourceLocation(name)
         try:

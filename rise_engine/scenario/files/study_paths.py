@@ -1,8 +1,8 @@
-"""Names of a study's files: the usual ones, and checks of names from outside, which may be written or read.
+"""Names of a study's files: the usual ones, and checks of names from outside.
 
-Edits, imports, bundles and the note of a save name files; scenarios and studies name folders. Each name is checked here
-before anything is written or read. A valid name stays in the study's folder, also after following links, and is not one
-from which another program takes orders (`.git/config`, `.vscode/tasks.json`, `.envrc`).
+Edits, imports, bundles and the note of a save contain names of files, scenarios and studies those of folders. Each is
+checked here before anything is written or read. A valid name stays in the study's folder, also after following links,
+and is no file that another program executes (`.git/config`, `.vscode/tasks.json`, `.envrc`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TEXTS_FOLDER = "texts"
 """Contains the translations, one file per language: `texts/de.toml`."""
 
 DEFAULT_PATHS = {"acts": "acts", "rules": "rules", "memory": "memory.json"}
-"""The places of acts, rules and memory, unless `scenario.toml` names others."""
+"""The places of acts, rules and memory, unless `scenario.toml` has others."""
 
 
 SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
@@ -30,7 +30,7 @@ SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 RECORDED = ("sessions", "bundles", "exports")
 """Folders of recorded data, which are not a study's own files."""
 OBEYED = ("package.json", "pyproject.toml")
-"""Names, in lower case, of files from which other programs take orders."""
+"""Lower-case names of files that other programs execute or obey."""
 _LONGEST_SHOWN = 120
 _EXAMPLE = "name it from the study's folder on, as `acts/greeting.xml`"
 
@@ -72,10 +72,10 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
 def why_not_written(folder: Path, name: str, suffixes: Sequence[str] = SUFFIXES, *, goes: bool = False) -> str:
     """Why a file of a study cannot be written, as a sentence without its end; empty: it can.
 
-    Like `why_no_name`, and it also checks where links lead. Looks for links on the disk, but reads nothing.
+    Like `why_no_name`, but also checks the targets of links on the disk.
 
-    :param folder: the study's.
-    :param goes: the file will be deleted. A link is then deleted itself.
+    :param folder: the study's folder.
+    :param goes: whether the file will be deleted, which deletes a link itself.
     """
     if problem := why_no_name(name, suffixes):
         return problem
@@ -100,10 +100,10 @@ def why_none_written(folder: Path, contents: Iterable[tuple[str, object]]) -> st
 def why_not_read(folder: Path, path: str | os.PathLike[str]) -> str:
     """Why a file or folder is not part of a study, as a sentence without its end; empty: it is.
 
-    A folder of links can be a study too, as `colcon build --symlink-install` makes it: if its main file is a link to a
-    file of the same name, other links may lead to that file's folder.
+    A folder of links can be a study, too (`colcon build --symlink-install`): if its main file is a link to a file of
+    the same name, other links may lead to that file's folder.
 
-    :param folder: the study's.
+    :param folder: the study's folder.
     :param path: relative to that folder, as written in a file.
     """
     real = Path(os.path.realpath(folder / path))

@@ -29,9 +29,9 @@ _DOTTED = re.compile(rf"(?:{KEY_PART.pattern})(?:\s*\.\s*(?:{KEY_PART.pattern}))
 _BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 """One character of a text in double quotation marks."""
 _MOST_MISTAKES = 20
-"""How many wrong lines of a file are skipped before it is given up."""
+"""Number of wrong lines after which a file is given up."""
 _MOST_READ = 2_000_000
-"""A file with mistakes is not read again once this many characters have been read."""
+"""Maximum characters that are read to skip wrong lines of a file."""
 _LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
 """A key of more than 64 parts, for which the standard library takes quadratic time."""
 
@@ -53,7 +53,7 @@ class TomlFile:
         return self.source.location(self._offsets(path)[1])
 
     def find_path(self, dotted: str) -> KeyPath:
-        """The path of `actions.Wave.carrier.goal` as far as it exists. (A quoted part may contain dots itself.)"""
+        """The existing part of a path such as `actions.Wave.carrier.goal`. (A quoted part may contain dots.)"""
         path: KeyPath = ()
         inside: Any = self.values
         while dotted and isinstance(inside, dict | list):
@@ -106,7 +106,7 @@ def toml_of(source: SourceFile, files: FileReader) -> TomlFile | None:
 
 
 def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
-    """Turn dates and times into texts, so that every value is a JSON value as records and consoles need it.
+    """Turn dates and times into texts, because records and consoles need JSON values.
 
     Reports each number that JSON does not have.
     """
@@ -129,7 +129,7 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
 
 
 def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
-    """Report tomllib's message, except for consequences of the first mistake. Returns the number of the line."""
+    """Report tomllib's message, except for consequences of the first error. Returns the number of the line."""
     position = _AT.search(message)
     end = len(text.rstrip())
     if position is None or position.group(1) is None:
@@ -146,7 +146,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
         diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:
-        at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # a text is not closed
+        at_end = source.text[offset : offset + 1] in ("", "\r", "\n")  # an unclosed text
         opening = _unclosed_quote(source.text, offset) if at_end else -1
         closing = find_typographic_closing(source.text, opening) if opening >= 0 else -1
         offset = closing if closing >= 0 else offset
@@ -156,13 +156,13 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
 
 
 def _unclosed_quote(text: str, offset: int) -> int:
-    """The beginning of the text that is not closed before `offset`, the end of its line; -1 if there is none."""
+    """The beginning of the unclosed text before `offset`, the end of its line; -1: there is none."""
     line = text.rfind("\n", 0, offset) + 1
     return max(text.rfind('"', line, offset), text.rfind("'", line, offset))
 
 
 def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
-    """The name that a line defines again, as written, and the line that defines it first (0: not found)."""
+    """The name that a line defines again, as written, and the line of its first definition (0: not found)."""
     lines = [each.strip() for each in source.text.split("\n")]
     written = lines[line - 1]
     if written.startswith("["):
@@ -222,7 +222,7 @@ class WrittenText:
         self.starts.append(at)
 
     def span(self, start: int, length: int) -> tuple[int, int]:
-        """The offset in the file of these characters of the value, and their length there."""
+        """The offset and length in the file of these characters of the value."""
         return self.starts[start], self.starts[start + length] - self.starts[start]
 
 
@@ -282,7 +282,7 @@ class TomlTable:
         return None
 
     def section(self, key: str, known: Iterable[str] | None = None) -> TomlTable:
-        """The table `[key]`, in which only `known` keys are allowed; an empty one for anything else."""
+        """The table `[key]`, in which only `known` keys are allowed; an empty one for any other value."""
         table = self.subtable(key) or TomlTable(self.file, (*self.path, key), {}, self.diagnostics)
         if known is not None:
             table.report_unknown_keys(known)
@@ -304,7 +304,7 @@ class TomlTable:
         return usual
 
     def read_label(self, example: str, longest: int, if_empty: str) -> str:
-        """Read `label`, a name on screens, in one line; empty if there is none. `if_empty` says what to write."""
+        """Read `label`, a name on screens, in one line; empty: there is none. `if_empty` is the remedy."""
         written = self.read("label", str, None, form=f": label = {example}")
         if written is None:
             return ""
@@ -330,7 +330,7 @@ class TomlTable:
 
 
 def is_integer(value: Any) -> bool:
-    """Whether a TOML value is a whole number. For Python, booleans are integers too."""
+    """Whether a TOML value is a whole number. For Python, booleans are integers, too."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 

@@ -1,8 +1,8 @@
-"""The content of a scenario's folder: on the disk, held in memory instead, or left by a save that was killed.
+"""The content of a scenario's folder: on the disk, in memory instead, or from a save that was killed.
 
-A save writes all new contents beside the files, then a note that names them, and then renames
-(`rise_engine.author.edit.study_folder`). Once the note exists, the new contents count, and every reader follows the
-note. The note contains names and checksums but no places, so it is valid in a copy of the folder too.
+A save writes all new contents beside the files, then a note that lists them, and then renames
+(`rise_engine.author.edit.study_folder`). Once the note exists, the new contents count, and all readers follow the note.
+The note contains names and checksums but no places, so it is also valid in a copy of the folder.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Held = Mapping[str, bytes | None]
 
 
 class UnreadableError(RiseError):
-    """A file that cannot be read; says why. `code` is the code of the diagnostic."""
+    """A file cannot be read. `code`: the code of the diagnostic."""
 
     def __init__(self, message: str, code: str = "unreadable") -> None:
         super().__init__(message)
@@ -42,7 +42,7 @@ class FileTree:
 
     def __init__(self, folder: Path, held: Held | None = None, *, closed: bool = False) -> None:
         """
-        :param folder: the scenario's folder. It need not exist on the disk if something is held in it.
+        :param folder: the scenario's folder. It may be missing on the disk if contents are held in it.
         :param held: contents that replace those on the disk.
         :param closed: for a study: no link in its folder may lead outside.
         """
@@ -50,7 +50,7 @@ class FileTree:
         self._closed = closed
         self._held = {os.path.normpath(folder / name): data for name, data in (held or {}).items()}
         self._held_folders: dict[str, dict[str, None]] = {}
-        """The entries that folders have only because of held contents: names of files and folders."""
+        """The entries of folders that exist only because of held contents: names of files and folders."""
         top = os.path.normpath(folder)
         for path, data in self._held.items():
             while data is not None and path != top and os.path.dirname(path) != path:  # noqa: PTH120  # texts, often
@@ -58,19 +58,19 @@ class FileTree:
                 self._held_folders.setdefault(path, {})[name] = None
 
     def exists(self, path: Path) -> bool:
-        """Whether anything is there, even a broken link. Raises OSError, and ValueError for an impossible name."""
+        """Whether the path exists, even as a broken link. Raises OSError, and ValueError for an impossible name."""
         if (known := os.path.normpath(path)) in self._held:
             return self._held[known] is not None
         return known in self._held_folders or os.path.lexists(path)
 
     def is_file(self, path: Path) -> bool:
-        """Whether a file is there, or a link to one."""
+        """Whether it is a file, or a link to one."""
         if (known := os.path.normpath(path)) in self._held:
             return self._held[known] is not None
         return known not in self._held_folders and path.is_file()
 
     def is_folder(self, path: Path) -> bool:
-        """Whether a folder is there, or a link to one."""
+        """Whether it is a folder, or a link to one."""
         known = os.path.normpath(path)
         return known in self._held_folders or (known not in self._held and path.is_dir())
 
@@ -127,7 +127,7 @@ def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
 
 NOTE = ".rise-save.json"
 FRESH = ".rise-new"
-"""The ending of a new file that is not in its place yet."""
+"""The suffix of a new file that is not in its place yet."""
 
 
 class SavedFile(Struct, frozen=True):
@@ -147,7 +147,7 @@ def sum_of(data: bytes | None) -> str | None:
 
 
 def sum_on_disk(path: Path) -> str | None:
-    """The SHA-256 of a file; None if there is none. Raises OSError."""
+    """The SHA-256 of a file; None: there is none. Raises OSError."""
     try:
         return sum_of(path.read_bytes())
     except FileNotFoundError:
@@ -155,7 +155,7 @@ def sum_on_disk(path: Path) -> str | None:
 
 
 def fresh_path(target: Path) -> Path:
-    """The path of a new content before it is renamed."""
+    """The path of new content before it is renamed."""
     return target.with_name(f".{target.name}{FRESH}")
 
 
@@ -174,7 +174,7 @@ def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
 def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | None]:
     """The contents of a save that are not in their place yet, by name; None for a file to be deleted.
 
-    Leaves out files that somebody has changed after the save was killed. Raises OSError.
+    Omits files that have changed since the save was killed. Raises OSError.
     """
     left: dict[str, bytes | None] = {}
     for file in note:
@@ -190,7 +190,7 @@ def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | 
 
 
 def contents_of_interrupted_save(folder: Path) -> dict[str, bytes | None]:
-    """The contents of an interrupted save that must be read instead of the files on the disk."""
+    """The contents of an interrupted save that replace the files on the disk."""
     try:
         note = read_note(folder)
         return still_to_do(folder, note) if note else {}

@@ -1,7 +1,7 @@
 """XML files of a scenario: their elements, including those from templates, and their places for diagnostics.
 
 An element from a template knows its template and its `<use>`. So a diagnostic about it points to the `<use>`, if
-possible to the wrong value there, and also names the line of the template.
+possible to the wrong value there, and also gives the line of the template.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class XmlFile:
         self.source = source
         self.tree = tree
         self.repaired = repaired
-        """The repair that turned the file's text into the tree's; None: they are the same."""
+        """The repair that converted the file's text to the tree's text; None: they are equal."""
         self.root = tree.root if root is None else root
         self.has_text = tree.has_text
         """Whether there may be visible text between tags."""
@@ -42,7 +42,7 @@ class XmlFile:
         self.may_have_templates = self.may_define_templates or "<use" in tree.text
         """Whether it may contain a `<Template>` or a `<use>`."""
         self.brought: dict[Element, list[Element]] = {}
-        """The elements that each `<use>` of the file became."""
+        """The elements that replaced each `<use>` of the file."""
         self.incomplete: set[Element] = set()
         """Elements that lack content, because a `<use>` in them could not be expanded."""
 
@@ -125,7 +125,7 @@ class TextPiece(NamedTuple):
     """Its offset in the written text."""
     text: str
     parameter: str | None = None
-    """The parameter `${...}` that it is replaced by."""
+    """The parameter `${...}` whose value replaces it."""
 
 
 @lru_cache(maxsize=1_000)
@@ -178,7 +178,7 @@ class TemplateCall:
 
 
 class ExpandedElement(Element):
-    """An element that comes from a template, or that contains an expanded one."""
+    """An element from a template, or one that contains an expanded one."""
 
     __slots__ = ("call", "origin")
 
@@ -195,7 +195,7 @@ class ExpandedElement(Element):
 
 
 def call_of(element: Element) -> TemplateCall | None:
-    """The use of a template that an element comes from; None: it is written in its file."""
+    """The use of an element's template; None: it is written in its file."""
     return element.call if isinstance(element, ExpandedElement) else None
 
 
@@ -225,7 +225,7 @@ def parameters_in(element: Element, written: str) -> Iterator[str]:
 
 
 def count_places(brought: Iterable[Element], parameter: str) -> int:
-    """Count the occurrences of a parameter in the elements that a `<use>` became."""
+    """Count the occurrences of a parameter in the elements that replaced a `<use>`."""
     return sum(
         name == parameter
         for top in brought
@@ -238,7 +238,7 @@ def count_places(brought: Iterable[Element], parameter: str) -> int:
 
 @lru_cache(maxsize=1)
 def _pieces_in(written: str, call: TemplateCall) -> tuple[Sequence[TextPiece], list[int]]:
-    """The pieces of a text, and where each begins after filling. Cached for several places of one text."""
+    """The pieces of a text, and their offsets after filling. Cached for several places of one text."""
     pieces = text_pieces(written)
     lengths = (len(call.piece_text(piece)) for piece in pieces)
     return pieces, [0, *accumulate(lengths)][: len(pieces)]
@@ -248,7 +248,7 @@ def _pieces_in(written: str, call: TemplateCall) -> tuple[Sequence[TextPiece], l
 
 
 def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
-    """Parse a file. Mistakes in its form are reported; common ones are repaired so that the rest is read."""
+    """Parse a file. Syntax errors are reported; common ones are repaired, so that the rest is read."""
     try:
         return XmlFile(source, XmlTree(source.text, source.name))
     except XmlSyntaxError as first:

@@ -26,7 +26,7 @@ from rise_engine.syntax.toml import toml_key
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
-"""The most tables with wildcards, because each is compared with each act."""
+"""Maximum number of tables with wildcards, because each is compared with each act."""
 SETTINGS = ("hold", "debounce", "filler", "answers", "calling_type", "on_failure")
 _CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
@@ -51,13 +51,13 @@ class ActTable(Struct, frozen=True):
 
 
 class ActTables(Struct):
-    """All these tables, and the settings that they give an act."""
+    """All these tables, and the resulting settings of acts."""
 
     tables: tuple[ActTable, ...] = ()
     by_name: dict[str, ActTable] = {}
     """In file order. TOML allows no two tables of one name."""
     patterns: list[ActTable] = []
-    """Patterns with more literal characters come later; those with equally many stay in file order."""
+    """Patterns with more literal characters come later; equal ones stay in file order."""
 
     def __post_init__(self) -> None:
         self.by_name = {table.name: table for table in self.tables}
@@ -76,8 +76,8 @@ class ActTables(Struct):
                 diagnostics.error("unknown-act", table.location, message, suggest(table.name, names))
 
     def find_sources(self, act: str) -> dict[str, ActTable]:
-        """Return the table that decides each setting of an act: the act's own table, else the pattern with the most
-        literal characters, else the later table."""
+        """Return the table of each setting of an act: the act's own table, else the pattern with the most literal
+        characters, else the later table."""
         fitting = [table for table in self.patterns if fnmatchcase(act, table.name)]
         if (own := self.by_name.get(act)) is not None:
             fitting.append(own)
@@ -93,8 +93,8 @@ class ActTables(Struct):
         }
 
     def explain(self, act: str, on_failure: str) -> list[tuple[str, Any, ActTable | None]]:
-        """Return each setting of an act with its value and the table that gives it; None for a default. The default for
-        failures is the scenario's `on_failure`."""
+        """Return each setting of an act with its value and its table; None: a default. The default for failures is the
+        scenario's `on_failure`."""
         sources, usual = self.find_sources(act), {**asdict(ActSettings()), "on_failure": on_failure}
         return [(key, sources[key].given[key] if key in sources else usual[key], sources.get(key)) for key in SETTINGS]
 
@@ -104,7 +104,7 @@ def _exactness(table: ActTable) -> int:
 
 
 def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
-    """Read the tables below `[act]`. Names of single acts are noted in `draft`."""
+    """Read the tables below `[act]`. `draft` gets the names of single acts."""
     usual = ActSettings()
     found = []
     for name in table.values:
@@ -139,7 +139,7 @@ def _read_calling_type(table: TomlTable) -> CallingType:
 
 
 def read_on_failure(table: TomlTable) -> str:
-    """Read `on_failure`: what happens after a failed act. It is for one act, or the default for all acts."""
+    """Read `on_failure`, the reaction to a failed act, for one act or as the default for all."""
     written = table.values["on_failure"]
     try:
         if isinstance(written, str):

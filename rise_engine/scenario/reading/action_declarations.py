@@ -68,12 +68,12 @@ def core_actions() -> Mapping[str, ActionSpec]:
 def apply_declarations(
     file: TomlTable, before: Mapping[str, ActionSpec], layer: DeclarationLayer
 ) -> dict[str, ActionSpec]:
-    """Apply the `[actions.*]` tables of a file to the actions known before."""
+    """Apply the `[actions.*]` tables of a file to the actions of earlier files."""
     specs = dict(before)
     actions = file.subtable("actions", "`actions` is a table: [actions.NAME]")
     if actions is None:
         return specs
-    if layer == "profile":  # a robot cannot do the actions that its profile does not list
+    if layer == "profile":  # a robot cannot perform the actions that its profile does not list
         for name, spec in before.items():
             if not spec.engine and name not in actions.values:
                 specs[name] = replace(spec, supported=False)
@@ -86,7 +86,7 @@ def apply_declarations(
 
 
 def read_places(file: TomlTable, before: Mapping[str, dict[str, float | str]]) -> dict[str, dict[str, float | str]]:
-    """Apply the `[places.*]` tables of a file to the places known before."""
+    """Apply the `[places.*]` tables of a file to the places of earlier files."""
     places = dict(before)
     tables = file.subtable("places", "`places` is a table: [places.NAME]")
     for name in tables.values if tables is not None else ():
@@ -104,7 +104,7 @@ def read_places(file: TomlTable, before: Mapping[str, dict[str, float | str]]) -
 def name_places(
     actions: Mapping[str, ActionSpec], places: Mapping[str, dict[str, float | str]]
 ) -> dict[str, ActionSpec]:
-    """Add the places to the names of each parameter that names a place."""
+    """Add the places to the names of each parameter for a place."""
     named = dict(actions)
     for action, spec in actions.items():
         parameters = {
@@ -145,7 +145,7 @@ def _check_name(table: TomlTable, kind: str) -> bool:
 
 
 def _read_action(table: TomlTable, before: ActionSpec | None, layer: DeclarationLayer) -> ActionSpec:
-    """Apply one `[actions.NAME]` table to the action known before."""
+    """Apply one `[actions.NAME]` table to the earlier declaration."""
     base = before or ActionSpec(table.name, {})
     table.report_unknown_keys((*_ACTION_KEYS, "engine") if layer == "core" else _ACTION_KEYS)
     if base.engine:
@@ -171,7 +171,7 @@ def _read_action(table: TomlTable, before: ActionSpec | None, layer: Declaration
 
 
 def _read_parameters(action: TomlTable, base: ActionSpec) -> dict[str, Parameter]:
-    """Apply the parameters in an action's table to those known before."""
+    """Apply the parameters in an action's table to the earlier ones."""
     result = dict(base.parameters)
     parameters = action.read("parameters", dict, {})
     tables = TomlTable(action.file, (*action.path, "parameters"), parameters, action.diagnostics)
@@ -201,7 +201,7 @@ def _read_parameters(action: TomlTable, base: ActionSpec) -> dict[str, Parameter
 
 
 def _read_parameter(table: TomlTable, before: Parameter | None) -> Parameter | None:
-    """Apply one parameter's table to the parameter known before. Without a valid type, nothing changes."""
+    """Apply one parameter's table to the earlier declaration. Without a valid type, nothing changes."""
     table.report_unknown_keys(_PARAMETER_KEYS)
     type_ = table.read("type", str, before.type if before else None)
     if type_ not in _TYPES:

@@ -1,4 +1,4 @@
-"""Reading CommunicationRobotActs (paper, section 4.2.1; semantics.md 2; docs/reference/cra.md)."""
+"""Reads CommunicationRobotActs (paper, section 4.2.1; semantics.md 2; docs/reference/cra.md)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from rise_engine.syntax.xml_writing import ACT_WRAPPERS
 
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _LONGEST_PIECE = 12
-"""How many characters are searched for to find a place again."""
+"""Number of characters that are searched for to find a place again."""
 _ID = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -95,7 +95,7 @@ class _ActReader(ElementReader):
         return Act(name, tuple(actions.values()), frozenset(channels), self.file.element_location(element))
 
     def check_waits(self, actions: dict[str, Action]) -> None:
-        """Report actions that wait for an unknown action or, in a circle, for themselves."""
+        """Report actions that wait for an unknown action or, in a cycle, for themselves."""
         for action in actions.values():
             for wanted in action.wait_for:
                 if wanted not in actions:
@@ -108,7 +108,7 @@ class _ActReader(ElementReader):
             self.report_wait("cycle", cycle[0], "", message)
 
     def report_wait(self, code: str, action: str, id: str, message: str, suggestion: Correction | None = None) -> None:
-        """Report an error at an actionID in `<waitForActions>`; at the first actionID if `id` is not there."""
+        """Report an error at an actionID in `<waitForActions>`; at the first one if `id` is not there."""
         element = self.waits[action]
         offsets = _id_offsets(element.text)
         index = offsets[id] if id in offsets else min(offsets.values(), default=0)
@@ -161,7 +161,7 @@ class _ActReader(ElementReader):
         return self.make_action(element, common, tuple(calls))
 
     def find_spec(self, element: Element) -> ActionSpec | None:
-        """The declaration of an action element; None, after a diagnostic, if this robot does not have it."""
+        """The declaration of an action element; None, after a diagnostic, if this robot lacks it."""
         name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
@@ -240,14 +240,14 @@ class _ActReader(ElementReader):
         return ActionCall(spec.name, parameters)
 
     def note_language(self, language: str | None) -> None:
-        """Note a language that an action speaks; None: the memory decides at run time."""
+        """Note the language of an action; None: the memory determines it."""
         if language is None:
             self.draft.has_languages_from_memory = True
         else:
             self.draft.spoken_languages.add(language.strip())
 
     def check_ssml(self, element: Element, spec: ActionSpec, template: Template) -> None:
-        """Report the mistakes in a message that is meant as SSML."""
+        """Report errors in a message that is meant as SSML."""
         for problem in find_ssml_problems(template):
             if len(element):
                 index = problem.index_in(self.file.written(element[0]))

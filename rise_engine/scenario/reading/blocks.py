@@ -1,4 +1,4 @@
-"""Reading the statements of rules: functions, `if` with its branches, `oneOf` (semantics.md 5.2)."""
+"""Reads the statements of rules: functions, `if` with its branches, `oneOf` (semantics.md 5.2)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from rise_engine.syntax.xml import Element
 Code = TypeVar("Code", Expression, Assignment)
 
 MAX_DEPTH = 50
-"""How deep `if` and `oneOf` can be nested."""
+"""Maximum nesting of `if` and `oneOf`."""
 _FUNCTIONS = frozenset(FUNCTIONS)
 _EXTRAS = {name: form.of for name, form in form_of("function").attributes.items() if form.of}
-"""Attributes that say more about one function, and which."""
+"""Attributes that supplement one function, and that function's attribute."""
 _STARTING = "startInteractionRule"
 _ELSE = ("else", "elseif")
 
@@ -133,7 +133,7 @@ class BlockReader(ElementReader):
             branches.append(Branch(None, self.read_statements(element, depth + 1, chain=False)[0]))
 
     def read_function(self, element: Element) -> Function | None:
-        """Read one call, and note the names in it for the checks across files."""
+        """Read one call, and note its names for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
         if name is None or len(given) != 1 or element or self.file.has_text:
@@ -158,7 +158,7 @@ class BlockReader(ElementReader):
         return Function(name, argument, assignment, self.file.element_location(element), state, enter, keep)
 
     def read_start(self, element: Element, rule: str) -> tuple[str | None, bool]:
-        """Read where a rule begins (`state`), and whether it runs `onEntry` there (`enter`)."""
+        """Read the state in which a rule begins (`state`), and whether it runs `onEntry` there (`enter`)."""
         given = element.attributes
         enter = given.get("enter", "yes").strip()
         if enter not in ("yes", "no"):
@@ -175,7 +175,7 @@ class BlockReader(ElementReader):
         return state or None, enter != "no"
 
     def check_function(self, element: Element, given: Collection[str]) -> None:
-        """Report what is wrong with the form of a `<function>`."""
+        """Report errors in the form of a `<function>`."""
         for child in element:
             self.report_error(
                 "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` is not allowed in it"
@@ -198,7 +198,7 @@ class BlockReader(ElementReader):
             self.report_error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
 
     def read_condition(self, element: Element, attribute: str) -> Expression | None:
-        """The condition in an attribute; None if there is none or it cannot be read."""
+        """The condition in an attribute; None: there is none, or it cannot be read."""
         if attribute not in element.attributes:
             return None
         expression = self.parse_attribute("condition", element, attribute, Expression.parse, self.draft.expressions)

@@ -1,6 +1,6 @@
 """The conditions of a study: `[study]`, `[conditions.NAME]` and `private` in scenario.toml.
 
-A condition decides what the robot does: its table sets the memory values with which a session in it begins.
+The table of a condition sets memory values at the start of a session in it.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
 MAX_CONDITION_LABEL = 24
-"""The longest `label` in characters, because it shares the status line."""
+"""Maximum characters of a `label`, because it shares the status line."""
 _CONDITION_KEYS = ("memory", "label", "label_only")
 
 
 def how_to_write(name: str) -> str:
-    """Say what to write in scenario.toml so that a session can run in a condition of this name."""
+    """Return what to write in scenario.toml so that a session can run in a condition of this name."""
     table = f"[conditions.{toml_key(name)}]"
     return f"write under {table} what it sets, `memory = {{ KEY = VALUE }}`, or `label_only = true` if it sets nothing"
 
 
 def read_study(table: TomlTable) -> dict[str, Any]:
-    """Read `[study]`: the number of participants, and the conditions. Notes belong in comments or a README."""
+    """Read `[study]`: the number of participants, and the conditions. Other remarks belong in comments or a README."""
     study: dict[str, Any] = {}
     participants = table.values.get("participants")
     if participants is not None:
@@ -89,7 +89,7 @@ def read_conditions(
 
 
 def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> None:
-    """Report conditions that people or the robot could not distinguish."""
+    """Report conditions that people or the robot cannot distinguish."""
     shown: dict[str, str] = {}
     set_by: dict[bytes, str] = {}
     for name, condition in conditions.items():
@@ -106,7 +106,7 @@ def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> Non
 
 
 def conditions_in(values: dict[str, Any]) -> dict[str, Condition]:
-    """The valid conditions of a scenario.toml that has been parsed as TOML; mistakes are not reported."""
+    """The valid conditions of a parsed scenario.toml, without diagnostics."""
     file, draft, diagnostics = TomlFile(SourceFile("", b"", ""), values), ScenarioDraft(), Diagnostics()
     table = TomlTable(file, (), values, diagnostics)
     study = table.section("study")
@@ -139,7 +139,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
 
 
 def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
-    """Read `private`: memory keys with personal values, which are left out of data for others."""
+    """Read `private`: memory keys with personal values, which are removed from data for others."""
     names = table.values.get("private", [])
     if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() == name != "" for name in names):
         table.report_value("wrong-type", "private", '`private` is a list of memory keys: private = ["person_name"]')
@@ -159,8 +159,8 @@ def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
 
 
 def check_conditions(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Check that the memory keys of conditions, of `tries` and of `private` exist, and that the values that conditions
-    set are read and not changed. Only for a draft whose files could all be read."""
+    """Check that the memory keys of conditions, of `tries` and of `private` exist, and that conditions' values are read
+    and not changed. Only for a draft whose files could all be read."""
     if draft.condition_values or draft.private_keys or draft.tried_keys:
         _ConditionCheck(draft, diagnostics).check()
 
@@ -170,7 +170,7 @@ class _ConditionCheck:
         self.draft = draft
         self.diagnostics = diagnostics
         self.changes = (*draft.key_writes, *draft.part_writes)
-        """The places where rules and keys of the keyboard set something."""
+        """The places where rules and keys of the keyboard set memory values."""
         self.read = keys_read(draft)
         also = (*self.changes, *draft.property_reads)
         self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in also}
@@ -221,7 +221,7 @@ class _ConditionCheck:
         self.diagnostics.error("unknown-memory-key", mention.locate(), message, near)
 
     def check_changes(self) -> None:
-        """Warn where something changes a value that a condition sets."""
+        """Warn of changes of a value that a condition sets."""
         conditions: dict[str, str] = {}
         for value in self.draft.condition_values:
             conditions.setdefault(_head(value.name), value.condition)
@@ -257,12 +257,12 @@ def _kind(value: Json) -> str:
 
 
 _LONGEST_VALUE = 40
-"""The longest value that a sentence shows, in characters."""
+"""Maximum characters of a value in a sentence."""
 
 
 def study_conditions(scenario: Scenario) -> tuple[str, ...]:
-    """The names of the conditions in order; empty if there are none. Includes bare names without a table, as scenarios
-    of earlier versions list them."""
+    """The names of the conditions in order; empty: none. Includes bare names without a table, as in scenarios of
+    earlier versions."""
     if scenario.conditions:
         return tuple(scenario.conditions)
     found = scenario.study.get("conditions")
@@ -270,9 +270,9 @@ def study_conditions(scenario: Scenario) -> tuple[str, ...]:
 
 
 def condition_problem(scenario: Scenario, condition: str) -> str:
-    """Why a new session cannot run in this condition; empty if it can.
+    """Why a new session cannot run in this condition; empty: it can.
 
-    :param condition: its name; empty for none, which is right in debug mode and for a scenario without conditions.
+    :param condition: its name; empty (none) is valid in debug mode and for a scenario without conditions.
     """
     known = study_conditions(scenario)
     if not condition:
@@ -303,7 +303,7 @@ def condition_label(scenario: Scenario, condition: str) -> str:
 
 
 def condition_sentence(condition: Condition) -> str:
-    """Say in words what a condition sets: `sets hesitation = true, pause = 600`."""
+    """Describe what a condition sets: `sets hesitation = true, pause = 600`."""
     if condition.label_only:
         return "sets nothing: the difference lies outside of the robot"
     values = ", ".join(f"{key} = {_value_text(value)}" for key, value in condition.memory.items())

@@ -1,4 +1,4 @@
-"""The common base of the readers of acts and rules: elements, attributes, and times (semantics.md 5.5)."""
+"""The base of the readers of acts and rules: elements, attributes, and times (semantics.md 5.5)."""
 
 from __future__ import annotations
 
@@ -104,14 +104,13 @@ class ElementReader:
     def report_missing(
         self, names: Collection[str], element: Element, message: str, code: str = "missing-attribute"
     ) -> None:
-        """Report that an element has none of these attributes, unless it has one with a typing mistake, which was
-        reported."""
+        """Report that an element has none of these attributes, unless a misspelt one was reported."""
         if all(self.read_meant(element, name) is None for name in names):
             self.report_error(code, element, message)
 
     def read_meant(self, element: Element, name: str) -> str | None:
-        """Return the value of an attribute, also of one whose name has a typing mistake, which was reported; so nothing
-        else is wrong because of it. None: there is none."""
+        """Return the value of an attribute, even if its name is misspelt, which was reported and must cause no further
+        errors. None: there is none."""
         known = form_of(element.tag).attributes
         values = (value for each, value in element.attributes.items() if each == name)
         meant = (v for each, v in element.attributes.items() if each not in known and nearest_name(each, known) == name)
@@ -145,7 +144,7 @@ class ElementReader:
 _COMPUTED = re.compile(r"(\s*\{)(.*)\}\s*(ms|s|min)?\s*\Z", re.DOTALL)
 _NUMBER = re.compile(r"\s*\d+(?:\.\d+)?\s*\Z", re.ASCII)
 MIN_SECONDS = 0.001
-"""The shortest time: a transition after 0 s would not be one after a time."""
+"""The minimum time: a transition after 0 s would not wait."""
 
 
 def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay:

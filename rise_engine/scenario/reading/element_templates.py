@@ -3,7 +3,7 @@
     <Template name="Say"><parameter name="text"/><Speech>...<message>${text}</message></Speech></Template>
     <use template="Say" text="Hello"/>
 
-This module reports mistakes in templates and uses, once and where they are. `expansion.py` then replaces each `<use>`.
+This module reports errors in templates and uses, once and at their places. `expansion.py` then replaces each `<use>`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_writing import WRAPPERS
 
 LIBRARY = Path(__file__).parents[1] / "patterns"
-"""The patterns that come with the program: one template per file, and each file has the name of its template."""
+"""The patterns of the program: one template per file, named like the template."""
 PATTERNS = "patterns"
-"""The folder of a scenario that overrides the library. A session keeps there what it used of the library."""
+"""The folder of a scenario that overrides the library. A session keeps its used patterns there."""
 _NAME = re.compile(r"[^\W\d][\w-]*\Z")
 _TEMPLATE = frozenset({"name"})
 _PARAMETER = frozenset({"name", "default"})
@@ -59,7 +59,7 @@ class ElementTemplate:
 
 
 class TemplateCollection:
-    """The templates of a scenario, and the one that each `<use>` means."""
+    """The templates of a scenario, and the template of each `<use>`."""
 
     def __init__(self, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.files = files
@@ -68,7 +68,7 @@ class TemplateCollection:
         self.diagnostics = diagnostics
         self.templates: dict[str, ElementTemplate] = {}
         self.own: set[str] = set()
-        """The names of those in the files of acts and rules."""
+        """The names of the templates in the files of acts and rules."""
         self.meant: dict[Element, ElementTemplate] = {}
         """The template of each correct `<use>`."""
         self.circular: set[str] = set()
@@ -114,7 +114,7 @@ class TemplateCollection:
         return used
 
     def _stamp(self, names: Iterable[str]) -> tuple[object, ...]:
-        """What the check of elements that use these templates depends on: the templates' files."""
+        """The dependencies of a check of elements that use these templates: the templates' files."""
         found = [(name, self.find(name)) for name in sorted(names)]
         files = tuple((name, template and template.file) for name, template in found)
         if all(template for _, template in found):
@@ -122,7 +122,7 @@ class TemplateCollection:
         return files, frozenset(self.templates), frozenset(self.library), bool(self.draft.unreadable_parts)
 
     def stamp_of(self, file: XmlFile) -> tuple[object, ...]:
-        """What the expansion of a file depends on: the files of all templates that it uses, directly or not."""
+        """The dependencies of the expansion of a file: the files of all templates that it uses, directly or not."""
         names: set[str] = set()
         rest = [*self.memo.get(("names", file, "uses"), lambda: frozenset(_names_used(file.root)))]
         while rest:
@@ -174,7 +174,7 @@ class _TemplateReader(ElementReader):
         super().__init__(file, collection.draft, diagnostics)
         self.collection = collection
         self.used: set[str] = set()
-        """The names of the templates that uses mention."""
+        """The names of the used templates."""
         self.meant: dict[Element, ElementTemplate] = {}
         """As in the collection."""
 
@@ -313,7 +313,7 @@ class _TemplateReader(ElementReader):
 
 
 def _elements(elements: Iterable[Element]) -> Iterator[Element]:
-    """Yield these elements and everything that they contain."""
+    """Yield these elements and their contents."""
     rest = list(elements)[::-1]
     while rest:
         element = rest.pop()

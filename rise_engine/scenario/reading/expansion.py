@@ -1,4 +1,4 @@
-"""Expands the templates that a file uses, and writes such a file without templates."""
+"""Expands the templates of a file, and writes it without templates."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rise_engine.scenario.reading.element_templates import TemplateCollection
 from rise_engine.syntax.xml import Element
 
 MAX_ELEMENTS = 100_000
-"""The most elements that templates may add to one scenario."""
+"""Maximum number of elements that templates may add to one scenario."""
 MAX_CHARACTERS = 10_000_000
-"""The most characters of attributes and texts that they may add."""
+"""Maximum characters of attributes and texts that they may add."""
 MAX_LEVELS = 100
-"""How deep elements can be nested in a file with templates."""
+"""Maximum nesting of elements in a file with templates."""
 
 
 def expand_files(files: Sequence[XmlFile], templates: TemplateCollection) -> list[XmlFile]:
@@ -133,12 +133,12 @@ class _Expander:
             elif element.tag != "Template":
                 self._add_copy(new, element, inner, level)
         for element in new[before:]:
-            element.tail = ""  # text between a template's elements has its diagnostic already
+            element.tail = ""  # text between a template's elements already has a diagnostic
         if call is None:
             self._file.brought[child] = new[before:]
 
     def _check_limits(self, element: Element, level: int) -> bool:
-        """Whether the limits allow more. Reports a diagnostic the first time they do not."""
+        """Whether the limits allow more. Reports a diagnostic at the first excess."""
         problem = ("", "")
         if level > MAX_LEVELS:
             problem = ("too-deep", f"with its templates, this lies more than {MAX_LEVELS} elements deep")
@@ -164,9 +164,9 @@ _INDEX = re.compile(r"[\w)]\s*\[")
 
 
 def plain_text(file: XmlFile) -> str:
-    """The text of a file with its templates expanded; empty if it contains nothing but templates.
+    """The text of a file with its templates expanded; empty: it contains only templates.
 
-    Everything else stays as written, including comments and line breaks.
+    All other text stays, including comments and line breaks.
     """
     if not file.is_expanded:
         return "" if file.root.tag == "Template" else file.source.text
@@ -232,7 +232,7 @@ def _markup(element: Element) -> str:
 
 
 def additions(files: Iterable[XmlFile]) -> Counter[str]:
-    """Count the extensions that RISE does not know in these expanded files."""
+    """Count the extensions in these expanded files that RISE does not know."""
     found: Counter[str] = Counter()
     rest = [file.root for file in files if file.root.tag != "Template"]
     while rest:

@@ -1,4 +1,4 @@
-"""Reading `[explore]`, `[always]`, `[reachable]`, `[eventually]` and `[trials]` (docs/reference/scenario.md)."""
+"""Reads `[explore]`, `[always]`, `[reachable]`, `[eventually]` and `[trials]` (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def states_named(written: str, rules: Mapping[str, Rule]) -> list[tuple[str, str
 
 
 def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | None:
-    """Read `[trials]`; None if scenario.toml has none, or if it does not say what begins a trial.
+    """Read `[trials]`; None: scenario.toml has none, or no start of a trial.
 
     :param settings: scenario.toml.
     :param draft: gets the names in it.

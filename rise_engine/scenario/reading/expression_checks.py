@@ -16,7 +16,7 @@ from rise_engine.scenario.model import SourceLocation
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 UNREADABLE_CONDITION = Expression.parse("false")
-"""Replaces a condition that could not be read; a scenario with one is refused anyway."""
+"""Replaces an unreadable condition. Its scenario is refused anyway."""
 
 
 def expression_message(error: ExpressionError) -> str:
@@ -30,7 +30,7 @@ def note_expression(
     draft: ScenarioDraft,
     diagnostics: Diagnostics,
 ) -> None:
-    """Note the keys that a condition reads, and warn of characters in it that only look like blanks.
+    """Note the keys that a condition reads, and warn of characters that only look like blanks.
 
     :param locate: returns the location of the condition, or of a character in it by its index.
     """
@@ -69,7 +69,7 @@ def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation]
 
 
 def note_property(expression: Expression, locate: Callable[[int], SourceLocation], draft: ScenarioDraft) -> None:
-    """Note the keys that a property of a study reads, and the rules, states and acts that it names.
+    """Note the keys, rules, states and acts in a property of a study.
 
     :param locate: returns the location of a character in it by its index.
     """

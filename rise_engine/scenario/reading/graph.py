@@ -1,4 +1,4 @@
-"""Questions about small graphs: cycles, and what can be reached."""
+"""Algorithms for small graphs: cycles, and reachability."""
 
 from __future__ import annotations
 
@@ -85,6 +85,6 @@ def reachable_from(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
 def component_numbers(edges: Mapping[Node, Iterable[Node]]) -> dict[Node, int]:
     """Number each node's strongly connected component: nodes that can be reached from each other share a number.
 
-    Every node must be a key, even if nothing leads from it.
+    Every node must be a key, even without edges.
     """
     return {node: number for number, knot in enumerate(_strongly_connected_components(edges)) for node in knot}

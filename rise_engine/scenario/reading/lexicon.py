@@ -1,6 +1,6 @@
-"""How words are pronounced: lexicon.toml, and the text that a robot is given to say (semantics.md 2.5, 2.6).
+"""The pronunciation of words: lexicon.toml, and the text for the robot (semantics.md 2.5, 2.6).
 
-The engine applies it before it sends a goal, so that all drivers get the same. Consoles use it to show the words.
+The engine applies it before it sends a goal, so all drivers get the same text. Consoles use it to show the words.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rise_engine.scenario.speech.languages import language_fits, language_proble
 from rise_engine.scenario.speech.ssml import begins_as_ssml, change_words, literal_ssml, plain_words
 
 MAX_WORDS = 2_000
-"""The most entries of a file, because each sentence is searched for each of them."""
+"""Maximum number of entries of a file, because each sentence is searched for each of them."""
 MAX_LENGTH = 200
-"""The longest entry and the longest pronunciation, in characters."""
+"""Maximum characters of an entry and of a pronunciation."""
 _FORM = '"WORD" = "how it is said", under its language: [en]'
 
 
@@ -37,9 +37,9 @@ def normal_word(written: str) -> str:
 def read_lexicon(
     file: TomlFile, language: str, robots: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics
 ) -> tuple[LexiconTable, ...]:
-    """Read the tables of the file; on errors, as far as they are valid.
+    """Read the tables of the file; with errors, the valid part.
 
-    :param language: the scenario's language; empty: scenario.toml does not name it.
+    :param language: the scenario's language; empty: not set.
     :param robots: the names of all robots.
     :param draft: the scenario, whose acts have been read.
     """
@@ -118,7 +118,7 @@ class _LexiconReader:
         return words
 
     def report_unused_languages(self, language: str, draft: ScenarioDraft) -> None:
-        """Warn if nothing is known to be said in any of the languages. (A shared file may have further languages.)"""
+        """Warn if no text is known to be in any of the languages. (A shared file may have further languages.)"""
         if draft.has_languages_from_memory or "acts" in draft.unreadable_parts:
             return
         spoken = {language, *draft.spoken_languages} - {""}
@@ -135,7 +135,7 @@ class _LexiconReader:
 
 
 _PART_OF_WORD = regex.compile(r"[\w--[\p{Han}\p{Hiragana}\p{Katakana}\p{Thai}\p{Lao}\p{Khmer}\p{Myanmar}]]", regex.V1)
-"""A letter, digit, mark or underscore, except of scripts that leave no blanks between words."""
+"""A letter, digit, mark or underscore, except of scripts without blanks between words."""
 _GAP = re.compile(r"\s+")
 
 
@@ -143,7 +143,7 @@ class _Entry(NamedTuple):
     word: str
     said: str
     any_case: bool
-    """Whether it is in lower case, and therefore also matches its word with capitals."""
+    """Whether it is in lower case, and therefore also matches capitals."""
     open_before: bool
     """Whether its first character does not belong to a word, so that anything may precede it."""
     open_behind: bool
@@ -195,7 +195,7 @@ class Pronunciation:
 
 
 def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> dict[str, str]:
-    """The words for a language and a robot. The robot's own override those for all; else a more exact language wins."""
+    """The words for a language and a robot. The robot's own override those for all; then the more exact language."""
     tables = [table for table in lexicon if table.robot in ("", robot) and language_fits(table.language, language)]
     words: dict[str, str] = {}
     for table in sorted(tables, key=lambda table: (table.robot != "", len(table.language))):
@@ -204,20 +204,20 @@ def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> d
 
 
 class RobotWording:
-    """Knows the words that the scenario's robot gets for a message."""
+    """Converts messages to the words for the scenario's robot."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._robot = scenario.robot
         self._lexicon = scenario.lexicon
         self._language = scenario.language
         self._pronunciations: dict[str, Pronunciation] = {}
-        """By language, built when first needed."""
+        """By language, built on demand."""
 
     def parameters_for_robot(self, action: str, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Replace the message in an action's parameters by the words that this robot gets.
+        """Replace the message in an action's parameters by the words for this robot.
 
         :param action: the action that the robot performs, which may be the substitute.
-        :param parameters: as they are recorded, with the memory filled in.
+        :param parameters: the recorded parameters, with the memory filled in.
         :return: the same object if nothing changes.
         """
         spec = self._robot.actions.get(action)

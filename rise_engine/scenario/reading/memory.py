@@ -1,4 +1,4 @@
-"""Reading the start values of the WorkingMemory (paper, listing 3; semantics.md 7)."""
+"""Reads the start values of the WorkingMemory (paper, listing 3; semantics.md 7)."""
 
 from __future__ import annotations
 

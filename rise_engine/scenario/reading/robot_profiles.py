@@ -1,4 +1,4 @@
-"""Finding and reading robot profiles (docs/reference/robots.md)."""
+"""Finds and reads robot profiles (docs/reference/robots.md)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.reading.action_declarations import apply_declarations, core_actions, name_places, read_places
 
 ENTRY_POINT_GROUP = "rise.robots"
-"""The entry-point group whose entries name packages with robot profiles (*.toml)."""
+"""The entry-point group of packages with robot profiles (*.toml)."""
 DEFAULT_ROBOT = "generic"
 _KEYS = ("title", "driver", "options", "places", "actions")
 
 
 def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked: bool = False) -> RobotProfile:
-    """Read the profile called `name`; on errors, as far as it is valid.
+    """Read the profile called `name`; with errors, the valid part.
 
     :param location: the place of the name.
-    :param asked: the caller gave the name, not a file.
+    :param asked: whether the caller gave the name, not a file.
     """
     packages = files.memo.get("package folders", lambda: tuple(package_folders()))
     path = find_profile(name, files.folder, files.tree, packages)
@@ -44,7 +44,7 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
 
 
 def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
-    """Read the profile in a file anywhere; on errors, as far as it is valid."""
+    """Read a profile from any file; with errors, the valid part."""
     source = files.read(path, MAX_TOML_BYTES)
     if source is None:
         return builtin_robot()
@@ -69,8 +69,8 @@ def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfi
 
 
 def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocation:
-    """The place of a robot's key such as `actions.Wave.carrier.goal`, or else of its nearest parent: in its profile, or
-    in the scenario.toml that `files` reads and that may change the profile."""
+    """The place of a robot's key such as `actions.Wave.carrier.goal`, or of its nearest parent. It is in the profile,
+    or in the scenario.toml (from `files`) that may change the profile."""
     best, location = -1, SourceLocation(name)
     for path in (find_profile(name, files.folder, files.tree), files.folder / SCENARIO_FILE):
         source = files.read(path, MAX_TOML_BYTES) if path is not None and files.tree.is_file(path) else None
@@ -84,7 +84,7 @@ def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocatio
 
 
 def builtin_robot() -> RobotProfile:
-    """The robot of a scenario that names none, if no profile is installed: every core action, simulated."""
+    """The robot of a scenario without one, if no profile is installed: all core actions, simulated."""
     actions = {**core_actions(), "Speech": replace(core_actions()["Speech"], ssml=True)}
     return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", actions)
 
@@ -94,7 +94,7 @@ def find_profile(
 ) -> Path | None:
     """The file of the profile called `name`, searched in the documented order.
 
-    :param tree: the content of the folder; None: what is on the disk.
+    :param tree: the content of the folder; None: the disk's.
     :param packages: the folders of installed packages, if they are known.
     """
     tree = tree or FileTree(folder)
@@ -121,7 +121,7 @@ def robot_names(folder: Path, tree: FileTree | None = None) -> list[str]:
 
 
 def profile_folders(folder: Path, packages: Sequence[Path] | None = None) -> Iterator[Path]:
-    """The folders in which profiles are searched, in order. Installed packages are only looked up when needed."""
+    """The folders in which profiles are searched, in order. Installed packages are only looked up if necessary."""
     yield folder / "robots"
     config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     yield Path(config) / "rise-tui" / "robots"

@@ -1,4 +1,4 @@
-"""Reading InteractionRules (paper, section 4.2.2; semantics.md 5; docs/reference/rules.md)."""
+"""Reads InteractionRules (paper, section 4.2.2; semantics.md 5; docs/reference/rules.md)."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class _RuleReader(BlockReader):
         self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
         """Its transitions that several states share: the states' names as written, the element, the transitions."""
         self.doubtful: set[SourceLocation] = set()
-        """Its transitions whose trigger has an error, so that it may not be what was meant."""
+        """Its transitions whose trigger has an error, so that its meaning is unknown."""
         self.unknown_states: list[tuple[Element, str, str]] = []
-        """Names of states that it does not have: element, attribute, name."""
+        """Names of missing states: element, attribute, name."""
 
     def read_rules(self) -> None:
         self.read_parts("InteractionRule", RULE_WRAPPERS, self.draft.rule_definitions, self.read_rule)
@@ -75,7 +75,7 @@ class _RuleReader(BlockReader):
             self.report_missing(["name"], element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
             self.draft.unreadable_parts.add("rules")
         states: dict[str, State] = {}
-        unread: set[str] = set()  # among them the names of states with a typing mistake
+        unread: set[str] = set()  # including misspelt names of states
         for child in element:
             if child.tag == "transitions":
                 self.read_shared(child)
@@ -298,7 +298,7 @@ class _RuleReader(BlockReader):
         return tuple(known for known in _OUTCOMES if known in words)
 
     def check_own_ends(self, states: dict[str, State]) -> None:
-        """Note where a rule waits for the end of an act that it never starts itself."""
+        """Note waits of a rule for the end of an act that it never starts itself."""
         started = {
             function.argument
             for state in states.values()
@@ -334,7 +334,7 @@ class _RuleReader(BlockReader):
 
 
 def _triggers(transition: Transition) -> Iterator[object]:
-    """The triggers of a transition; none if its condition alone triggers it."""
+    """The triggers of a transition; empty: its condition alone triggers it."""
     if transition.ended is not None:
         yield from ((transition.ended, outcome) for outcome in transition.outcomes or _OUTCOMES)
     elif not transition.is_eventless:

@@ -1,4 +1,4 @@
-"""Reading scenario.toml (docs/reference/scenario.md)."""
+"""Reads scenario.toml (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 
@@ -64,18 +64,18 @@ BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "stop_act": ("stopCommunicationRobotAct", "name an act"),
     "stop_rule": ("stopInteractionRule", "name a rule"),
 }
-"""What a key can submit: the function of its DomainTask, and what the author has to write."""
+"""The bindings of a key: the function of its DomainTask, and the form of its value."""
 _START_KEYS = ("state", "enter")
-"""Beside `rule`: where the rule begins."""
+"""With `rule`: the state in which the rule begins, and whether it runs `onEntry`."""
 MAX_LABEL_LENGTH = 24
-"""The longest `label` of a key in characters, because several share one line."""
+"""Maximum characters of the `label` of a key, because several share one line."""
 _ALLOW_KEYS = ("code", "key", "reason")
 MIN_AUTO_AFTER, MAX_FILLER_DELAY = 0.5, 600.0
 """Seconds. An earlier filler would interrupt the participant's own pauses."""
 
 
 class ScenarioSettings:
-    """The checked settings of scenario.toml, with defaults for everything."""
+    """The checked settings of scenario.toml, with defaults."""
 
     def __init__(self, file: TomlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.draft = draft
@@ -84,7 +84,7 @@ class ScenarioSettings:
         self.title = self.read_text("title", "")
         self.language = self.read_language()
         self.languages = self.read_languages()
-        """The languages in `[languages]` that the study should be translated into."""
+        """The languages in `[languages]`, into which the study should be translated."""
         self.robot = self.read_text("robot", "")
         mode = self.read_text("mode", "debug")
         self.mode: Mode = "real" if mode == "real" else "debug"
@@ -97,7 +97,7 @@ class ScenarioSettings:
         self.private = read_private(self.table, draft)
         self.keys = self.read_keys()
         self.on_failure = read_on_failure(self.table) if "on_failure" in file.values else "go_on"
-        """What happens after a failed act without its own setting."""
+        """The reaction to a failed act without its own setting."""
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.cue_keep = self.read_cue()
@@ -119,7 +119,7 @@ class ScenarioSettings:
         return text
 
     def read_language(self) -> str:
-        """Read the language of the acts; empty if the file does not name it."""
+        """Read the language of the acts; empty: not set."""
         if "language" not in self.table.values:
             return ""
         language = self.read_text("language", "").strip()
@@ -129,7 +129,7 @@ class ScenarioSettings:
         return "" if problem else language
 
     def read_languages(self) -> tuple[str, ...]:
-        """Read the languages that the texts should be translated into, whether or not they have a file yet."""
+        """Read the languages into which the texts should be translated, with or without a file."""
         table = self.table.section("languages")
         for key in table.values:
             if key == "default":
@@ -166,7 +166,7 @@ class ScenarioSettings:
         return suppressions
 
     def read_study(self) -> tuple[dict[str, Any], dict[str, Condition]]:
-        """Read the number of participants, the conditions, and what each condition sets."""
+        """Read the number of participants, the conditions, and their memory values."""
         table = self.table.section("study", ("participants", "conditions"))
         study = read_study(table)
         conditions = read_conditions(self.table.section("conditions"), table, study.get("conditions", []), self.draft)
@@ -257,7 +257,7 @@ class ScenarioSettings:
         return None
 
     def read_start(self, binding: TomlTable, name: str, rule: str) -> tuple[str | None, bool]:
-        """Read where a rule begins, and whether it runs `onEntry` there."""
+        """Read the state in which a rule begins, and whether it runs `onEntry` there."""
         if name != "rule":
             for key in binding.values.keys() & set(_START_KEYS):
                 binding.report_key("binding", f'`{key}` says how a rule begins; it goes with rule = "..."', key)
@@ -283,7 +283,7 @@ class ScenarioSettings:
         return FillerSettings(offer or 0.0, auto)
 
     def read_control(self) -> tuple[str, ...]:
-        """Read who may release a stop besides whoever holds control."""
+        """Read who may release a stop besides the client with control."""
         table = self.table.section("control", ("may_release",))
         names = table.values.get("may_release", [])
         if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):

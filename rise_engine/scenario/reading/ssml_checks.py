@@ -1,4 +1,4 @@
-"""Finds mistakes in an author's SSML before a session begins (docs/reference/cra.md, "SSML")."""
+"""Finds errors in an author's SSML before a session begins (docs/reference/cra.md, "SSML")."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SLOT = "\ue000"
 _PROLOG = ("<?xml", "<!DOCTYPE")
 _LONGEST_PIECE = 12
 _MOST_PROBLEMS = 20
-"""How many problems of one kind are reported for a message."""
+"""Maximum number of problems of one kind that are reported for a message."""
 
 
 class SsmlProblem(NamedTuple):
@@ -42,7 +42,7 @@ class SsmlProblem(NamedTuple):
     """How often that text occurs earlier in the message."""
 
     def index_in(self, text: str) -> int:
-        """Its offset in a text that contains the message; 0 if that is unknown."""
+        """Its offset in a text that contains the message; 0: unknown."""
         at = -1
         for _ in range(self.nth + 1):
             at = text.find(self.piece, at + 1)
@@ -52,7 +52,7 @@ class SsmlProblem(NamedTuple):
 
 
 def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
-    """Yield all problems with a message that is meant as SSML; nothing for any other text."""
+    """Yield all problems with a message that is meant as SSML, and none for any other text."""
     if template.text.startswith(_PROLOG) and "<speak" in template.text:
         yield SsmlProblem(True, "SSML begins with `<speak`; delete what comes before it", template.text[:5])
     if not begins_as_ssml(template.text):
@@ -79,14 +79,14 @@ def _without_slots(template: Template) -> str:
 
 
 def _problem_at(text: str, index: int, message: str, piece: str = "") -> SsmlProblem:
-    """A problem at a character of a text without slots: an error, or a warning about `piece` if that is given."""
+    """A problem at a character of a text without slots: an error, or a warning about `piece`."""
     found = piece or re.split(rf"[\s{_SLOT}]", text[index : index + _LONGEST_PIECE], maxsplit=1)[0]
     return SsmlProblem(not piece, message, found or BEGINNING, text.count(found, 0, index) if found else 0)
 
 
 def _explain(text: str) -> SsmlProblem:
-    """Explain why a text is not SSML in the words for XML files: libxml2 tells more than expat."""
-    from rise_engine.syntax.xml_errors import describe_syntax_error, parse_error  # lxml is rarely asked
+    """Explain why a text is not SSML in the words for XML files: libxml2 gives more details than expat."""
+    from rise_engine.syntax.xml_errors import describe_syntax_error, parse_error  # lxml is rarely needed
 
     try:
         error = parse_error(text)

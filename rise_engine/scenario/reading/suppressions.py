@@ -1,15 +1,15 @@
-"""What is done with diagnostics once all are found: warnings are silenced, and each gets an end.
+"""Processes all diagnostics: silences warnings, and adds the ends of their ranges.
 
-Warnings are silenced on purpose, where they occur and with a reason (docs/reference/scenario.md).
+Authors silence warnings at their places, with a reason (docs/reference/scenario.md).
 
     <!-- check: allow ambiguous-else: the outer one is meant -->      directly before the element
     # check: allow unheard-event: the camera node listens             directly before the line, in TOML
     [check] allow = [{ code = "unwritable-key", key = "Prénom", reason = "..." }]      for memory.json
 
-Errors cannot be silenced. A comment that cannot be read, or that silences nothing, is reported itself.
+Errors cannot be silenced. A comment that is unreadable, or silences nothing, is reported itself.
 
-Readers only record where a diagnostic begins. Its end, for editors that underline it, follows from the text there: a
-name that the sentence quotes, a tag, a value in quotation marks, or a word. It is never after the end of the line.
+Readers only record the start of a diagnostic. Its end, for editors that underline it, follows from the text: a name
+that the sentence quotes, a tag, a value in quotation marks, or a word. It is never after the end of the line.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ EXAMPLE = "check: allow ambiguous-else: the outer one is meant"
 
 
 class Suppression(Struct, frozen=True):
-    """One silencing of the warnings with a code, in a range of a file."""
+    """A silencing of the warnings with a code, in a range of a file."""
 
     location: SourceLocation
     """The place of the comment or entry."""
@@ -75,7 +75,7 @@ def apply_suppressions(
 ) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
     """Return the remaining diagnostics, and the silenced warnings.
 
-    A silencing without effect is reported too, unless errors left something unchecked.
+    A silencing without effect is also reported, unless errors left parts unchecked.
     """
     complete = not diagnostics.errors
     silenced: list[SuppressedWarning] = []
@@ -126,7 +126,7 @@ def check_warning_code(code: str, location: SourceLocation, diagnostics: Diagnos
 
 
 def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnostics) -> tuple[str, str] | None:
-    """Code and reason of a silencing comment; None for other comments, and after a diagnostic for a wrong one."""
+    """Return the code and reason of a silencing comment; None: another comment, or a wrong one with a diagnostic."""
     suppression = _ALLOW.match(comment)
     if suppression is None:
         return None
@@ -178,7 +178,7 @@ def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator
 
 
 def _element_at(text: str, start: int) -> tuple[int, int] | None:
-    """The range of the start tag and the text of an element; None if there is no element."""
+    """The range of the start tag and the text of an element; None: there is no element."""
     tag = _START_TAG.match(text, start)
     if tag is None:
         return None
@@ -217,7 +217,7 @@ def memory_suppressions(
 ) -> Iterator[Suppression]:
     """The silencings in scenario.toml for the memory file: location, code, key and reason of each."""
     for location, code, key, reason in suppressions:
-        where = keys.get(key, SourceLocation(""))  # an unknown key has no place, so that nothing is silenced
+        where = keys.get(key, SourceLocation(""))  # an unknown key has no place, so nothing is silenced
         yield Suppression(
             location, code, reason, where.file, (where.line, where.column), (where.line, where.column + 1)
         )
@@ -228,11 +228,11 @@ def memory_suppressions(
 
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
 _MOST_QUOTED = 4
-"""How many quoted names of a sentence are searched for. The first ones say what is wrong."""
+"""Maximum number of quoted names of a sentence that are searched for. The first ones are the subject."""
 _GOES_ON = re.compile(r"(?<=\w)[\w.]*\w")
 """The rest of a longer name that only begins with the quoted name."""
 _MOST = 400
-"""The most characters that are underlined, and that are searched in a sentence."""
+"""Maximum number of characters that are underlined, and that are searched in a sentence."""
 _LINE = re.compile(r"[^\r\n]*")
 _TAG = re.compile(r"<[!?/]?[^\s<>/]*>?")
 _WORD = re.compile(r"[^\s<>\"'=,;\[\]{}()]+")
@@ -243,7 +243,7 @@ _CELL = re.compile(r"\"(?:[^\"]|\"\")*\"?|[^,;\t\r\n]+")
 
 
 def with_ends(found: Iterable[Diagnostic], sources: Mapping[str, SourceFile]) -> list[Diagnostic]:
-    """Add ends to these diagnostics, as far as their files could be read."""
+    """Add ends to these diagnostics, if their files could be read."""
     return [_with_end(each, sources.get(each.location.file)) for each in found]
 
 
@@ -255,7 +255,7 @@ def _with_end(found: Diagnostic, source: SourceFile | None) -> Diagnostic:
 
 
 def end_offset(source: SourceFile, start: int, message: str) -> int:
-    """The offset after the last character of the thing at `start` that the sentence is about."""
+    """The offset after the last character of the text at `start` that the sentence is about."""
     line = _LINE.match(source.text[start : start + _MOST])
     text = line.group() if line is not None else ""
     lengths = (written_length(text, 0, name) for name in _QUOTED.findall(message[:_MOST])[:_MOST_QUOTED])
@@ -264,7 +264,7 @@ def end_offset(source: SourceFile, start: int, message: str) -> int:
 
 
 def _pattern(source: SourceFile, start: int) -> re.Pattern[str]:
-    """The pattern of the thing at an offset in a file of this kind."""
+    """The pattern of the text at an offset in a file of this kind."""
     text, name = source.text, source.name.lower()
     character = text[start : start + 1]
     if name.endswith((".toml", ".json")):

@@ -1,4 +1,4 @@
-"""Reading the tables of a scenario, `tables/*.csv` (docs/reference/scenario.md, "Tables").
+"""Reads the tables of a scenario, `tables/*.csv` (docs/reference/scenario.md, "Tables").
 
 Each table is read-only memory: a list of objects, one per row. `tables/NAME.toml` has its settings and the types of its
 columns.
@@ -42,7 +42,7 @@ _TRUTH = {"true": True, "false": False}
 
 
 def guess_type(texts: Sequence[str], decimal: DecimalMark) -> ColumnType:
-    """The type of a column: number or bool if all values that are not empty are; else text."""
+    """The type of a column: number or bool if all values except empty ones are; else text."""
     for kind in ("number", "bool"):
         if any(texts) and all(convert_value(text, kind, decimal) is not None for text in texts if text):
             return kind
@@ -83,7 +83,7 @@ class TableSettings:
         table.report_unknown_keys(_KEYS)
         self._table = table
         self.separator: str = self._read_choice("separator", SEPARATORS, "", '`separator` is ",", ";", "\\t" or "|"')
-        """The separator of values; empty: the one that the header shows."""
+        """The separator of values; empty: the one in the header."""
         self.decimal: DecimalMark = self._read_choice("decimal", (".", ","), ".", '`decimal` is "." or ","')
         self.encoding: str = self._read_choice("encoding", ENCODINGS, "utf-8", '`encoding` is "utf-8" or "cp1252"')
         self.types: dict[str, ColumnType] = {}
@@ -103,7 +103,7 @@ class TableSettings:
         return usual
 
     def check_columns(self, columns: Sequence[str], diagnostics: Diagnostics) -> None:
-        """Report types for columns that the table does not have."""
+        """Report types for missing columns."""
         types = TomlTable(self._table.file, (), self._table.values, diagnostics).section("types")
         for column in types.values:
             if column not in columns:
@@ -112,7 +112,7 @@ class TableSettings:
 
 
 def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:
-    """Read the settings in a file, or the defaults if there is none; on errors, as far as they are valid."""
+    """Read the settings in a file, or the defaults if there is none; with errors, the valid part."""
     name = files.display_name(path)
     source = files.read(path, MAX_TOML_BYTES) if files.tree.exists(path) else None
     return files.memo.read(("table settings", name, source), diagnostics, partial(_make, name, source))
@@ -136,7 +136,7 @@ class ScenarioLanguages(Struct, frozen=True):
     own: str = ""
     """The language of the acts; empty: unknown."""
     others: tuple[str, ...] = ()
-    """The languages that the study is translated into."""
+    """The languages into which the study is translated."""
 
 
 _ONE_LANGUAGE = ScenarioLanguages()
@@ -289,7 +289,7 @@ class _TableReader(CsvReader):
         return found
 
     def report_other_language(self, header: TableRecord, at: int, name: str, language: str) -> None:
-        """Warn of a column that is named like a translation into a language that the study does not have."""
+        """Warn of a column that is named like a translation into an unknown language."""
         location = self.source.location(self.value_at(header, at))
         base, _, tag = name.rpartition(".")
         if language.lower() == self.languages.own.lower():
@@ -315,7 +315,7 @@ class _TableReader(CsvReader):
         return TranslatedColumn(found.values, self.source.location(missing))
 
     def read_header(self, header: TableRecord, rows: Sequence[TableRecord]) -> list[str]:
-        """The names of the columns that are used."""
+        """The names of the used columns."""
         names = super().read_header(header, rows)
         if len(names) == 1 and (other := next((each for each in SEPARATORS if each in names[0]), None)):
             message = (

@@ -38,11 +38,11 @@ from rise_engine.scenario.speech.template import Template, TemplateError, parse_
 MAX_TEXTS_BYTES = 4_000_000
 _FORM = '"2/1" = { text = "Sehr gut!", of = "Very good!" }, under [ACT]'
 _SHOWN = 60
-"""How many characters of a text a sentence shows."""
+"""Maximum characters of a text in a sentence."""
 _LISTED = 8
-"""How many texts of an act a sentence names."""
+"""Maximum number of texts of an act that a sentence names."""
 _MOST_ACTS = 5
-"""How many incompletely translated acts are reported one by one, unless a session in the language was asked for."""
+"""Maximum number of incompletely translated acts that are reported singly, unless the language was requested."""
 
 
 class Translation(Struct, frozen=True):
@@ -50,11 +50,11 @@ class Translation(Struct, frozen=True):
 
     template: Template
     of: str
-    """The text that it was translated from."""
+    """The text from which it was translated."""
     location: SourceLocation
-    """Of its key."""
+    """The place of its key."""
     text_location: SourceLocation
-    """Of the translated text."""
+    """The place of the translated text."""
 
 
 class LanguageTexts(Struct, frozen=True):
@@ -64,19 +64,19 @@ class LanguageTexts(Struct, frozen=True):
     """As in the file's name."""
     file: str
     texts: dict[str, Translation] = field(default_factory=dict)
-    """By the id of the text, `ACT/ID/VARIANT`, including those whose original has changed or no longer exists."""
+    """By the id of the text, `ACT/ID/VARIANT`, including texts that have changed or no longer exist."""
     keys: dict[tuple[str, str], SourceLocation] = field(default_factory=dict)
     """The place of each translation, by act and key of the text, including invalid ones."""
     acts: dict[str, SourceLocation] = field(default_factory=dict)
-    """The place where the translations of an act begin."""
+    """The place at which the translations of an act begin."""
 
     def stale(self, texts: Iterable[SpokenText]) -> list[SpokenText]:
-        """The texts that were changed after they had been translated."""
+        """The texts that have changed after their translation."""
         found = ((text, self.texts.get(text.id)) for text in texts)
         return [text for text, given in found if given is not None and given.of != text.text]
 
     def missing(self, texts: Iterable[SpokenText]) -> list[SpokenText]:
-        """The texts that need a translation and have none."""
+        """The texts without a necessary translation."""
         return [text for text in texts if text.is_needed and text.id not in self.texts]
 
 
@@ -86,7 +86,7 @@ def language_file(language: str) -> str:
 
 
 def translated_languages(files: FileReader, wanted: Iterable[str]) -> tuple[str, ...]:
-    """The languages that a study is translated into, as far as their tags are valid.
+    """The valid languages into which a study is translated.
 
     :param wanted: the languages in `[languages]`. Each file in the folder `texts` adds one.
     """
@@ -115,7 +115,7 @@ class TranslationReader:
         """
         :param draft: the scenario, whose acts have been read.
         :param language: the language of the acts; empty: unknown.
-        :param asked: the language for a session; empty: that of the acts.
+        :param asked: the requested language of a session; empty: that of the acts.
         """
         self.robot = robot
         self.draft = draft
@@ -125,12 +125,12 @@ class TranslationReader:
         self.is_whole = "acts" not in draft.unreadable_parts
         self.all_texts = tuple(spoken_texts(draft.acts.values(), robot, language))
         self.table_texts: tuple[TableText, ...] = ()
-        """The texts in the tables; empty while nothing is translated."""
+        """The texts in the tables; empty: nothing is translated."""
         self.texts: dict[str, SpokenText] = {}
         self.found: dict[str, LanguageTexts] = {}
         """By language, in the order of their names."""
         self.unread: set[str] = set()
-        """The languages whose file cannot be read, so that we cannot tell what is missing in it."""
+        """The languages with an unreadable file, whose missing texts are unknown."""
 
     def read(self, files: FileReader, wanted: Iterable[str]) -> None:
         """Read the files of the folder `texts`.
@@ -224,7 +224,7 @@ class TranslationReader:
     def report_missing(self, *, allow: bool) -> None:
         """Report each act that is not completely translated.
 
-        :param allow: whether untranslated texts may be said in the language of the acts.
+        :param allow: whether untranslated texts may be spoken in the language of the acts.
         """
         if not self.is_whole:
             return
@@ -247,7 +247,7 @@ class TranslationReader:
                 report("untranslated", self.draft.acts[act].location, _missing_text(act, texts, tag))
 
     def translated(self, language: str) -> dict[str, Act]:
-        """The acts in a language: their own, or one with translations."""
+        """The acts in a language: their own, or that of translations."""
         found = self.found.get(language) or LanguageTexts(language, "")
         is_own = language not in self.found
         return {
@@ -334,7 +334,7 @@ def _read_entry(table: TomlTable, key: str) -> str | None:
 
 
 def slot_problem(original: Template, translation: Template) -> str:
-    """What is wrong with the memory values in a translation, as a sentence; empty: they match the text."""
+    """Return the error of the memory values in a translation, as a sentence; empty: they match the text."""
     keys, others = ({slot.key for slot in each.slots} for each in (original, translation))
     if missing := sorted(keys - others):
         return f"the translation leaves out {', '.join(f'{{{key}}}' for key in missing)}, which the text has"
@@ -352,7 +352,7 @@ def slot_problem(original: Template, translation: Template) -> str:
 
 
 def _missing_text(act: str, texts: list[SpokenText], language: str) -> str:
-    """Say that these texts of an act are not translated."""
+    """Report that these texts of an act are not translated."""
     if len(texts) == 1:
         return (
             f"a text of `{act}` is not translated into `{language}`: {texts[0].key}, “{shorten(texts[0].text, _SHOWN)}”"

@@ -1,1 +1,1 @@
-"""What a scenario says to people: templates of texts, languages and SSML."""
+"""The spoken texts of a scenario: templates, languages and SSML."""

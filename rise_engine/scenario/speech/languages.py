@@ -1,6 +1,6 @@
 """Language tags by BCP 47: `en`, `de-AT`, `zh-Hant-TW` (https://www.rfc-editor.org/info/bcp47).
 
-A first part of two letters must be in ISO 639-1. Of three letters, regions, scripts and variants, only the form counts.
+A first part of two letters must be in ISO 639-1. All other parts are only checked for their form.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _WRITTEN_INSTEAD = """
     hindi hi
 """
 _MEANT = dict(zip(_WRITTEN_INSTEAD.split()[::2], _WRITTEN_INSTEAD.split()[1::2], strict=True))
-"""What people write, and the tag that they mean."""
+"""Usual spellings, and the intended tags."""
 
 
 def language_problem(tag: str) -> str:
-    """What is wrong with a language tag, as a sentence; empty for a valid one.
+    """Return the error of a language tag, as a sentence; empty: it is valid.
 
     >>> language_problem("de-AT"), language_problem("german")
     ('', '`german` is not a language tag; write de')
@@ -58,7 +58,7 @@ def language_problem(tag: str) -> str:
 
 
 def meant_language(text: str) -> str:
-    """The language that a text names, as a tag: `de` for `german`; empty if it names none, or one of three letters.
+    """The tag of the language that a text names: `de` for `german`; empty: none, or a tag of three letters.
 
     >>> meant_language("German"), meant_language("de-AT"), meant_language("old")
     ('de', 'de-AT', '')
@@ -68,7 +68,7 @@ def meant_language(text: str) -> str:
 
 
 def language_fits(tag: str, text: str) -> bool:
-    """Whether something for the language `tag` applies to a text in the language `text`: `en` includes `en-GB`.
+    """Whether the language `tag` includes the language `text`: `en` includes `en-GB`.
 
     >>> language_fits("en", "en-GB"), language_fits("en-GB", "en"), language_fits("en", "")
     (True, False, False)

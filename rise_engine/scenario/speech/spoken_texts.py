@@ -1,9 +1,9 @@
 """All texts of a scenario that people hear or read, in its acts and its tables.
 
-A text of an act has an id in translations and tables: `ACT/ID`. If there are several wordings, the number of the
-wording follows (`R_Praise/2/3`), and then the parameter if it is not `message` (`R_Sing/1/words`). A column of a table
-is translated if another one is its translation (`text.de` beside `text`), or if a text of an act names it:
-`{items[i].text}` (docs/reference/languages.md).
+The id of an act's text in translations and tables is `ACT/ID`. The number of the wording follows if there are several
+(`R_Praise/2/3`), then the parameter unless it is `message` (`R_Sing/1/words`). A column of a table is translated if it
+has a translation (`text.de` beside `text`), or if a text of an act names it: `{items[i].text}`
+(docs/reference/languages.md).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class SpokenText(Struct, frozen=True):
 
     act: str
     key: str
-    """The text within its act: `2`, `2/3`, `2/3/words`."""
+    """The key of the text within its act: `2`, `2/3`, `2/3/words`."""
     action: Action
     variant: int
     """The number of this wording, from 0, if there are several."""
     parameter: str
     template: Template
     is_needed: bool
-    """Whether it needs a translation: it has words, and they are in the language of the acts."""
+    """Whether it needs a translation: it has words, in the language of the acts."""
 
     @property
     def id(self) -> str:
@@ -91,7 +91,7 @@ def _is_in_other_language(call: ActionCall, spec: ActionSpec, language: str) -> 
 
 
 def own_language(call: ActionCall, spec: ActionSpec) -> str | None:
-    """The language that the author gives a single action; None: none, or one from the memory."""
+    """The author's language for a single action; None: none, or one from the memory."""
     given = call.parameters.get(LANGUAGE) if LANGUAGE in spec.parameters else None
     return (given.constant or "").strip() or None if given is not None else None
 
@@ -100,7 +100,7 @@ def own_language(call: ActionCall, spec: ActionSpec) -> str | None:
 
 
 _LISTED = 5
-"""How many rows a sentence names."""
+"""Maximum number of rows in a sentence."""
 
 
 class TableText(Struct, frozen=True):
@@ -113,7 +113,7 @@ class TableText(Struct, frozen=True):
 
     @property
     def id(self) -> str:
-        """As an expression names it: `items[2].text`."""
+        """In the form of an expression: `items[2].text`."""
         return f"{self.table.name}[{self.row}].{self.column}"
 
     @property
@@ -140,7 +140,7 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
     for table in tables.values():
         translated = {column for columns in table.translations.values() for column in columns}
         for at, column in enumerate(table.columns):
-            # Without any translated column, a table may have its languages in its own columns.
+            # Without any translated column, the table's own columns may have different languages.
             can_be_said = bool(translated) and (table.name, "") in said
             is_sentence = can_be_said and any(len(str(row[at]).split()) > 1 for row in table.rows)
             if column in translated or (table.name, column) in said or is_sentence:
@@ -151,8 +151,8 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
 
 
 def _columns_said(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
-    """Yield the columns that texts of acts name, each with its table. Empty: a column whose name is computed, which
-    can be any that holds sentences."""
+    """Yield the columns in texts of acts, each with its table. Empty: a computed column, which may be any with
+    sentences."""
     for text in texts:
         for slot in text.template.slots:
             match slot.part.root if slot.part is not None else None:

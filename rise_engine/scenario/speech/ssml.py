@@ -1,8 +1,8 @@
 """SSML, the markup of speech (https://www.w3.org/TR/speech-synthesis11): messages with pauses and emphasis
 (docs/reference/cra.md, "SSML"; semantics.md 2.6).
 
-A message is SSML if it begins with `<speak` and is well-formed. Any other text is said literally. expat alone reads it:
-a DOCTYPE cannot precede `<speak`, so there are no entities, and nothing external is ever read.
+A message is SSML if it begins with `<speak` and is well-formed. Any other text is spoken literally. expat reads it
+safely: a DOCTYPE cannot precede `<speak`, so there are no entities and no external files.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from xml.parsers import expat
 BEGINNING = "<speak"
 LANGUAGE_ATTRIBUTE = "xml:lang"
 MAX_DEPTH = 256
-"""How deep elements can be nested, as in all XML files of a scenario."""
+"""Maximum nesting of elements, as in all XML files of a scenario."""
 TIME = re.compile(r"\s*\+?(\d+(?:\.\d+)?|\.\d+)(ms|s)\s*\Z", re.ASCII)
 """The length of a `<break>`: `500ms`, `1.5s`."""
 _BEGINNING = re.compile(r"<speak(?=[\s/>])")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _NOT_SAID = frozenset({"desc", "meta", "metadata", "lexicon", "lookup"})
 _SAID_AS_WRITTEN = frozenset({"phoneme", "say-as", "sub"})
-"""Elements in which the author decides how something is pronounced."""
+"""Elements with a pronunciation from the author."""
 _APART = frozenset({"break", "p", "s"})
 """Elements that separate words, as a blank does."""
 _GAP = "\0"
-"""Marks them while words are collected; XML cannot contain it."""
+"""Replaces them while words are collected; XML cannot contain it."""
 
 
 class XmlElement(Protocol):
-    """An element, whichever parser has read it."""
+    """An element of any parser."""
 
     tag: str
     attributes: dict[str, str]
@@ -58,7 +58,7 @@ class SsmlElement(list["SsmlElement"]):
         """The text after it, before the next element."""
 
     def walk(self) -> Iterator[SsmlElement]:
-        """Yield it and everything in it, in the order of the text."""
+        """Yield it and its contents, in the order of the text."""
         yield self
         for child in self:
             yield from child.walk()
@@ -79,7 +79,7 @@ def begins_as_ssml(text: str) -> bool:
 
 
 def plain_words(text: str) -> str:
-    """The words that people hear: those of SSML, or any other text unchanged.
+    """The audible words: those of SSML, or any other text unchanged.
 
     >>> plain_words('<speak>Hello<break time="1s"/>you, <sub alias="doctor">Dr.</sub> <emphasis>Who</emphasis></speak>')
     'Hello you, doctor Who'
@@ -97,12 +97,12 @@ def pause_seconds(text: str) -> float:
 
 
 def escape_value(text: str) -> str:
-    """Escape a text for SSML, also in an attribute. Characters that XML cannot hold become U+FFFD."""
+    """Escape a text for SSML, also in an attribute. Characters that XML cannot contain become U+FFFD."""
     return escape(_NOT_XML.sub("\ufffd", text))
 
 
 def literal_ssml(text: str) -> str:
-    """SSML that says a text literally."""
+    """SSML that speaks a text literally."""
     return f"<speak>{escape_value(text)}</speak>"
 
 
@@ -110,7 +110,7 @@ def change_words(text: str, change: Callable[[str, str], str]) -> str | None:
     """Apply `change` to all words in SSML, except in `<phoneme>`, `<say-as>` and `<sub>`.
 
     :param change: gets a piece of text and its `xml:lang` language (or an empty text).
-    :return: the same text if nothing has changed; None if it is not SSML.
+    :return: the same text if nothing has changed; None: it is not SSML.
     """
     root = parse_ssml(text)
     if root is None:
@@ -178,7 +178,7 @@ def parse_ssml(text: str) -> SsmlElement | None:
     parser.CharacterDataHandler = pieces.append
     try:
         parser.Parse(text.encode(), True)
-    except (expat.ExpatError, ValueError):  # half a character is a ValueError too
+    except (expat.ExpatError, ValueError):  # half a character is a ValueError, too
         return None
     return outside[0]
 

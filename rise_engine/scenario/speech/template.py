@@ -1,6 +1,6 @@
 """Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics.md 2.3).
 
-`Thank you{", "person_name}!` has a separator, which is only said with a value. `{items[i].text}` names a part of one.
+`Thank you{", "person_name}!` has a separator, which is only spoken with a value. `{items[i].text}` is a part of one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
 class TemplateError(RiseError, ValueError):
-    """A template that cannot be read. `column` counts from 1 in the text; `suggestion` is what was meant there."""
+    """A template cannot be read. `column` counts from 1 in the text; `suggestion` is the intended text there."""
 
     def __init__(self, message: str, column: int, suggestion: Correction | None = None) -> None:
         super().__init__(message)
@@ -42,7 +42,7 @@ class TemplateError(RiseError, ValueError):
 
 
 class MissingValueError(RiseError):
-    """A memory key without value was needed to fill a template, or a part of a value that cannot be read."""
+    """A template needs a missing value: that of a memory key, or a part of one."""
 
     def __init__(self, key: str, message: str = "") -> None:
         super().__init__(message or f"the memory has no value for {key!r}")
@@ -50,20 +50,20 @@ class MissingValueError(RiseError):
 
 
 class MemorySlot(Struct, frozen=True):
-    """A place for a memory value."""
+    """A placeholder for a memory value."""
 
     key: str
     """As written, with its index: `items[i].text`."""
     fallback: str | None = None
-    """Replaces a missing value. With separators, it is the empty text unless another one is given."""
+    """Replaces a missing value. With separators, the default is the empty text."""
     before: str = ""
     after: str = ""
-    """The separators, which are only said together with a value that is not empty."""
+    """The separators, which are only spoken with a value that is not empty."""
     part: Expression | None = None
     """The expression of a key with an index."""
 
     def read(self, memory: Mapping[str, Any]) -> Any:
-        """Return the memory's current value; None if there is no value but a fallback.
+        """Return the memory's current value; None: there is no value but a fallback.
 
         Raises MissingValueError if there is neither, or if the index cannot be computed.
         """
@@ -92,7 +92,7 @@ class Template(Struct, frozen=True):
 
     @property
     def slots(self) -> list[MemorySlot]:
-        """The places for memory values, in order."""
+        """The placeholders for memory values, in order."""
         return [part for part in self.parts if isinstance(part, MemorySlot)]
 
     @property
@@ -113,7 +113,7 @@ class Template(Struct, frozen=True):
         return len(self.parts) > 1 and isinstance(self.parts[0], str) and begins_as_ssml(self.parts[0])
 
     def fill_value(self, memory: Mapping[str, Any]) -> Any:
-        """Like `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
+        """Like `fill`, but a single slot keeps the value's own type (for numbers and booleans)."""
         if len(self.parts) == 1 and isinstance(slot := self.parts[0], MemorySlot):
             value = slot.read(memory)
             if value is not None:
@@ -122,7 +122,7 @@ class Template(Struct, frozen=True):
 
 
 def parse_template(text: str) -> Template:
-    """Read a parameter text. Raises TemplateError for an unmatched brace or a slot that names no key."""
+    """Read a parameter text. Raises TemplateError for an unmatched brace or a slot without a key."""
     if "{" not in text and "}" not in text:
         return Template(text, (text,) if text else ())
     parts: list[str | MemorySlot] = []
@@ -172,7 +172,7 @@ def _read_slot(text: str, start: int) -> tuple[MemorySlot, int]:
 
 
 def _read_part(text: str, start: int) -> tuple[Expression, int]:
-    """Read the part of a value that is named at `start`. Returns it and its end."""
+    """Read the part of a value at `start`. Returns it and its end."""
     end = path_end(text, match_end(_SLOT_KEY, text, start))
     if end < 0:
         opening = text.index("[", start)
@@ -189,7 +189,7 @@ def _read_part(text: str, start: int) -> tuple[Expression, int]:
 
 
 def _malformed_error(text: str, at: int) -> TemplateError:
-    """Say what is wrong with the slot that begins at `at`."""
+    """Return the error of the slot that begins at `at`."""
     end = text.find("}", at)
     if end < 0:
         return TemplateError("a `{` without its `}`; write `{{` for the character itself", at + 1)
@@ -221,7 +221,7 @@ def key_template(key: str) -> Template:
 
 
 def spoken_text(value: Any) -> str:
-    """A memory value as it is spoken or printed: numbers without a trailing `.0`, booleans as `true` and `false`."""
+    """A memory value in spoken or printed form: numbers without a trailing `.0`, booleans as `true` and `false`."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and value.is_integer():

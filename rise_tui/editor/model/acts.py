@@ -1,4 +1,4 @@
-"""An act as rows: when each action begins, what it is, how long it takes; its file's lines; the form of an action."""
+"""An act as rows: the start, content and duration of each action; its file's lines; the form of an action."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, TextRole, clean, crop, 
 
 
 class ActionTime(NamedTuple):
-    """Seconds from the act's beginning."""
+    """Seconds from the act's start."""
 
     begin: float
     end: float
@@ -55,7 +55,7 @@ def action_times(act: WrittenAct, checked: LoadResult) -> dict[str, ActionTime]:
 
 
 def act_seconds(act: WrittenAct, checked: LoadResult) -> float:
-    """How long the whole act will probably take."""
+    """The probable duration of the whole act."""
     return max((each.end for each in action_times(act, checked).values()), default=0.0)
 
 
@@ -76,7 +76,7 @@ def _action_seconds(act: WrittenAct, checked: LoadResult) -> dict[str, float]:
 def call_seconds(
     call: ActionCall, spec: ActionSpec | None, memory: Mapping[str, Json], unfilled: Mapping[str, str] = {}
 ) -> float:
-    """About how long an action takes. `unfilled`: its parameters if the memory lacks a value that it needs."""
+    """The probable duration of an action. `unfilled`: its parameters if the memory lacks a value that it needs."""
     if spec is None:
         return 0.0
     try:
@@ -89,7 +89,7 @@ WHEN, BAR = 11, 26
 
 
 class ActScale(NamedTuple):
-    """How bars are drawn."""
+    """The scale of bars."""
 
     cells: int
     seconds: float
@@ -97,12 +97,12 @@ class ActScale(NamedTuple):
 
 
 def when_text(wait_for: Sequence[str]) -> str:
-    """When an action that waits for these actions begins."""
+    """The start of an action that waits for these actions, in words."""
     return "after " + " ".join(wait_for) if wait_for else "at once"
 
 
 def what_text(action: WrittenAction) -> str:
-    """What an action does, without its name: its text, or the values of its parameters."""
+    """The content of an action without its name: its text, or the values of its parameters."""
     if not action.calls:
         return ""
     values = action.calls[0].parameters
@@ -118,7 +118,7 @@ def all_texts(action: WrittenAction) -> str:
 
 
 def action_with(act: WrittenAct, wanted: str) -> str:
-    """The number of the first action that contains this text; empty: none does."""
+    """The number of the first action that contains this text; empty: none."""
     sought = wanted.casefold()
     return next((each.id for each in act.actions if sought in all_texts(each).casefold()), "")
 
@@ -198,7 +198,7 @@ def _bar(time: ActionTime, scale: ActScale, room: int) -> StyledLine:
 
 
 MOST_COMPARED = 4_000
-"""Lines. Longer files show no differences, because finding them takes too long for every key."""
+"""Maximum number of lines. Longer files show no differences, because finding them takes too long for every key."""
 
 
 def file_lines(draft: StudyDraft, place: FilePlace, width: int, most: int) -> list[StyledLine]:
@@ -296,7 +296,7 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
 def _call_fields(
     act: WrittenAct, action: WrittenAction, call: WrittenCall, number: int, spec: ActionSpec | None
 ) -> list[EditField]:
-    """The parameters of a call; for a wording, only those that are given or required."""
+    """The parameters of a call; for a wording, only the given or required ones."""
     many = action.is_variants
     declared = dict(spec.parameters) if spec is not None else {}
     if many:
@@ -347,7 +347,7 @@ def _parameter_field(label: str, parameter: Parameter | None, written: WrittenVa
 
 
 def parameter_choices(parameter: Parameter) -> Sequence[FieldChoice]:
-    """The choices of a parameter; empty if it is typed."""
+    """The choices of a parameter; empty: it is typed."""
     if parameter.type == "boolean":
         return (FieldChoice("true", "true", "yes"), FieldChoice("false", "false", "no"))
     codes = [FieldChoice(name, name, f"RISE's number {number}") for name, number in parameter.codes.items()]
@@ -374,7 +374,7 @@ def parameter_note(parameter: Parameter, *, is_given: bool) -> str:
 
 
 def new_action_parameters(spec: ActionSpec) -> dict[str, str]:
-    """The required parameters of a new action, with valid values that show what to enter."""
+    """The required parameters of a new action, with valid values as examples."""
     found: dict[str, str] = {}
     for name, parameter in spec.parameters.items():
         if not parameter.required:

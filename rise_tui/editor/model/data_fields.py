@@ -21,7 +21,7 @@ from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
 KEY_KINDS = ("act", "rule", "event", "set")
-"""What a key of the keyboard can do, in the words of [keys]."""
+"""The functions of a key of the keyboard, in the words of [keys]."""
 USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("title", "the name of the study", ()),
     ("robot", "the name of a profile", ()),
@@ -65,7 +65,7 @@ def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 
 
 def key_choices(draft: StudyDraft) -> list[FieldChoice]:
-    """All that a key can start or raise, each as `KIND NAME`."""
+    """Everything that a key can start or raise, each as `KIND NAME`."""
     outline = draft.outline
     found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
     found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", pluralize(len(rule.states), "state"))
@@ -80,7 +80,7 @@ def key_choices(draft: StudyDraft) -> list[FieldChoice]:
 
 
 def key_fields(draft: StudyDraft) -> list[EditField]:
-    """Each key of the keyboard with what it does and its label."""
+    """Each key of the keyboard with its function and its label."""
     keys, choices = draft.values_in(SCENARIO_FILE).get("keys", {}), key_choices(draft)
     fields = []
     for key, binding in keys.items() if isinstance(keys, dict) else ():
@@ -100,7 +100,7 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
 
 
 def new_key_edits(key: str, text: str) -> tuple[AnyEdit, ...]:
-    """The edits that give an unused key something to do: `act R_Hello`, `set score = 1`.
+    """Return the edits that give an unused key a function: `act R_Hello`, `set score = 1`.
 
     :raises EditRefused: a key cannot do this.
     """
@@ -108,7 +108,7 @@ def new_key_edits(key: str, text: str) -> tuple[AnyEdit, ...]:
 
 
 def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[AnyEdit, ...]:
-    """Change what the key does. The old label goes, because it described the old function."""
+    """Change a key's function. The old label is removed, because it described the old function."""
     if text is None:
         return (SetSetting(("keys", key), None),)
     kind, _, name = text.partition(" ")
@@ -160,7 +160,7 @@ def _private_field(given: Any) -> EditField:
 
 
 def _keep_fields(keys: Any) -> Iterator[EditField]:
-    """How long the event of each key is kept until a rule waits for it."""
+    """The time that the event of each key is kept for a rule."""
     for key, entry in keys.items() if isinstance(keys, dict) else ():
         if isinstance(entry, dict) and "event" in entry:
             keep = entry.get("keep")
@@ -191,9 +191,9 @@ class Addition(NamedTuple):
 
     choice: FieldChoice
     make: Callable[[str], tuple[SetSetting, str]]
-    """The edit for what was typed, and the id of the field that then shows it."""
+    """Makes the edit for the typed text, and the id of the field that then shows it."""
     title: str = ""
-    """The title of its question; empty: nothing needs to be typed."""
+    """The title of its question; empty: no question."""
     hint: str = ""
 
 
@@ -306,7 +306,7 @@ def _shown(value: Any) -> str:
 
 
 def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> tuple[AnyEdit, ...]:
-    """The edit of a setting. A text stays a text, whatever it looks like; other values keep their type."""
+    """The edit of a setting. A text stays a text, even if it looks like a number; other values keep their type."""
     if text is None or kind is str:
         return (SetSetting(path, text, file=file),)
     value, name, _ = parse_typed_value(text)

@@ -29,7 +29,7 @@ def toml_values(data: bytes) -> Mapping[str, Any]:
 
 
 class StudyDraft(Struct, frozen=True):
-    """The files with all changes, their contents, and what is wrong with them, all at the same moment."""
+    """The files with all changes, their contents and their diagnostics, all of the same moment."""
 
     folder: str
     files: Files
@@ -72,7 +72,7 @@ def is_study_alone(draft: StudyDraft) -> bool:
 
 
 def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[str] = ()) -> Diagnostic | None:
-    """The first diagnostic that a change would add, an error before a warning. None: no new one.
+    """Return the first diagnostic that a change would add, errors before warnings; None: no new one.
 
     :param checked: the study with the change. :param but: codes of diagnostics to ignore.
     """
@@ -94,7 +94,7 @@ class FilePlace(NamedTuple):
 
 
 def draft_of(workspace: Workspace) -> StudyDraft:
-    """The present contents of a workspace. Blocks while the workspace does."""
+    """Return the present contents of a workspace. Blocks while the workspace works."""
     return StudyDraft(
         str(workspace.folder),
         workspace.files,

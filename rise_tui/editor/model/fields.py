@@ -31,10 +31,10 @@ shown. `option`, `ticks`: one or any number of `choices`, all of them in the for
 NoteLevel: TypeAlias = Literal["error", "warning", "info"]
 NOT_GIVEN = "–"
 TYPED = "as it is typed"
-"""What a value becomes that is not among the choices."""
+"""The use of a value that is not among the choices."""
 MakeEdits: TypeAlias = Callable[[str | None], tuple[AnyEdit, ...]]
 LEAST_LABEL, MOST_VALUE = 13, 24
-"""The least cells for labels, and the most cells for values whose notes line up."""
+"""Minimum cells for labels, and maximum cells for values whose notes line up."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 
 
@@ -69,19 +69,19 @@ class EditField(NamedTuple):
     shown: str = ""
     """Replaces `text` where this is easier to read."""
     note: str = ""
-    """Beside the value: unit, range, default."""
+    """The text beside the value: unit, range, default."""
     choices: Sequence[FieldChoice] = ()
     question: str = ""
     """The title of the list of choices; empty: the label."""
     new: str = ""
-    """What a value becomes that is not among the choices; empty: it must be one of them."""
+    """The use of a value that is not among the choices; empty: it must be one of them."""
     required: bool = False
     can_be_cleared: bool = True
     """Whether the list of choices offers to remove the value."""
     reason: str = ""
     """Why the field cannot be changed here."""
     edits: MakeEdits = no_edits
-    """The edits that set this text; None: remove it. May raise EditRefused for a text that makes no sense."""
+    """Returns the edits that set this text; None: remove it. May raise EditRefused for a text without meaning."""
     empty: str = NOT_GIVEN
     """The text for a field without a value."""
     remarks: Sequence[FieldNote] = ()
@@ -100,12 +100,12 @@ class Form:
     """A form that is filled in as a whole. It is immutable: typing makes a new one. Subclasses are dataclasses."""
 
     values: Mapping[str, str]
-    """The values by the ids of the fields. Those of fields that are not shown now stay until the form closes."""
+    """The values by the ids of the fields. Values of hidden fields stay until the form closes."""
 
     @property
     @abstractmethod
     def title(self) -> str:
-        """What the form changes."""
+        """The subject of the form."""
 
     @property
     @abstractmethod
@@ -114,13 +114,13 @@ class Form:
 
     @abstractmethod
     def edits(self) -> tuple[AnyEdit, ...]:
-        """The edits that carry the form out; none if nothing was changed. The check of the study finds their mistakes.
+        """Return the edits of the form; none if nothing was changed. The check of the study finds errors.
 
-        :raises EditRefused: a value is missing without which nothing can be written.
+        :raises EditRefused: a required value is missing.
         """
 
     def following(self) -> Form | None:
-        """The form that F5 opens once this one has been carried out."""
+        """The form that F5 opens after this one was carried out."""
         return None
 
     def value(self, field: str) -> str:
@@ -153,7 +153,7 @@ class Form:
 
 
 def complete_name(text: str, names: Sequence[str]) -> str:
-    """The rest of the first name that begins with what is typed. The slash of an event may be left out."""
+    """Return the rest of the first name that begins with the typed text. The slash of an event may be omitted."""
     begun = text.casefold()
     for name in names if text else ():
         for shown in (name, name.removeprefix("/")):
@@ -208,7 +208,7 @@ def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
 def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("", -1)) -> list[ListRow]:
     """A form's rows.
 
-    :param at: id of the field whose options the keys choose from, and the number of the selected option.
+    :param at: id of the field with the options for the keys, and the number of the selected option.
     """
     columns = form_columns(fields, width)
     rows: list[ListRow] = []

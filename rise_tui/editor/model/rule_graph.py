@@ -1,6 +1,6 @@
 """A rule's drawn graph with a cursor over its states and transitions. Pure.
 
-The console draws it too. Here the drawing is made from the written rule, right or wrong, and every transition can be
+The console draws it, too. Here the drawing comes from the written rule, even with errors, and every transition can be
 selected.
 """
 
@@ -50,7 +50,7 @@ def parse_spot(id: str) -> GraphSpot | None:
 
 
 def drawn_rule(rule: WrittenRule) -> Rule:
-    """A rule for drawing. Mistakes in it are drawn as they are written."""
+    """Return a rule for drawing. Errors in it are drawn as written."""
     states: dict[str, State] = {}
     for state in rule.states:
         states.setdefault(state.id, State(state.id, transitions=tuple(map(_drawn_transition, state.transitions))))
@@ -58,7 +58,7 @@ def drawn_rule(rule: WrittenRule) -> Rule:
 
 
 def lay_out_rule(rule: WrittenRule, width: int) -> GraphLayout | None:
-    """The layout in `width` cells; None for a rule without states."""
+    """Return the layout in `width` cells; None: a rule without states."""
     drawn = drawn_rule(rule)
     return lay_out_graph(drawn, max(20, width - MARGIN)) if drawn.states else None
 
@@ -93,7 +93,7 @@ def row_spots(row: GraphRow) -> tuple[GraphSpot, ...]:
 
 
 def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
-    """The place to the right (1) or left (-1) of another in its row; the same place if there is none."""
+    """Return the place to the right (1) or left (-1) of another in its row, or the same place."""
     for row in layout.rows:
         here = row_spots(row)
         if spot in here:
@@ -102,7 +102,7 @@ def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
 
 
 def valid_spot(layout: GraphLayout, rule: WrittenRule, spot: GraphSpot | None) -> GraphSpot:
-    """The place, or the nearest one that still exists."""
+    """Return the place, or the nearest one that still exists."""
     if spot is not None and spot.state in layout.row_of:
         if spot.transition < 0 or (spot.state, spot.transition) in layout.edges:
             return spot
@@ -124,7 +124,7 @@ def _drawn_transition(transition: WrittenTransition) -> Transition:
 
 
 def _as_expression(text: str | None) -> Expression | None:
-    """A condition for its label only; it may be unreadable."""
+    """Return a condition only for its label. It may be unreadable."""
     return None if text is None else Expression(one_line(text), LiteralNode(True), frozenset(), frozenset())
 
 
@@ -155,7 +155,7 @@ def _emphasize(line: StyledLine, *, transition: bool) -> StyledLine:
 
 
 def worst(findings: Sequence[Diagnostic]) -> Severity:
-    """An error, if there is one, else a warning."""
+    """An error, if any, or else a warning."""
     return "error" if any(each.severity == "error" for each in findings) else "warning"
 
 

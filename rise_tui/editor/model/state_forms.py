@@ -1,8 +1,8 @@
-"""The forms of a state: its name, its transitions, a key of the keyboard for an event that one waits for. Pure.
+"""The forms of a state: its name, its transitions, a key of the keyboard for an awaited event. Pure.
 
-A transition has its trigger first, then its guard, then its target. The words are those that non-programmers understand
-correctly: "as soon as" for events, "this is true" for lasting states, "but only if" for a guard at that moment (Huang
-and Cakmak, UbiComp 2015).
+A transition has its trigger first, then its guard, then its target. Non-programmers understand the words correctly: "as
+soon as" for events, "this is true" for lasting states, "but only if" for a guard at that moment (Huang and Cakmak,
+UbiComp 2015).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "after": ("trigger", "time", "held", "condition", "target"),
     "ended": ("trigger", "act", "outcomes", "condition", "target"),
 }
-"""The fields of a transition in order, by the trigger. The second one must be given."""
+"""The fields of a transition in order, by the trigger. The second one is required."""
 OUTCOMES = {each: each for each in ("succeeded", "failed", "stopped")}
 
 
@@ -91,7 +91,7 @@ class EventKeyForm(Form):
         )
 
     def edits(self) -> tuple[AnyEdit, ...]:
-        """:raises EditRefused: also for a key that does something else, because setting it would replace that."""
+        """:raises EditRefused: also for a key that has another function, because setting it would replace that."""
         key, label = self.value("key"), self.value("label")
         if not key:
             raise EditRefused("which key?")
@@ -105,7 +105,7 @@ class EventKeyForm(Form):
         return (SetSetting(("keys", key), binding),)
 
     def _taken(self) -> set[str]:
-        """The names of keys of the keyboard that already do something."""
+        """The names of keys of the keyboard that have a function."""
         found: set[str] = set()
         for key in self.names.keyboard:
             with contextlib.suppress(KeyRefusedError):
@@ -144,7 +144,7 @@ def transition_of(values: Mapping[str, str]) -> TransitionForm:
 
 
 def likely_transition(state: WrittenState) -> dict[str, str]:
-    """The first values of a new transition: the end of the act that the state starts, unless another waits for it."""
+    """The first values of a new transition: the end of the state's act, unless another one waits for it."""
     ends = {
         transition.form.ended
         for transition in state.transitions
@@ -158,7 +158,7 @@ def likely_transition(state: WrittenState) -> dict[str, str]:
 
 
 def why_not_editable(form: TransitionForm) -> str:
-    """The part of a transition for which the form has no field; empty: it has fields for everything."""
+    """The part of a transition for which the form has no field; empty: none."""
     triggers = [form.event, form.ended, form.after]
     if sum(each is not None for each in triggers) > 1:
         return "it waits for two things at once"
@@ -181,7 +181,7 @@ class TransitionRuleForm(Form):
 
     @property
     def was(self) -> WrittenTransition | None:
-        """The transition as it is written; None: it is new."""
+        """The transition as written; None: it is new."""
         return self.state.transitions[self.index] if self.index is not None else None
 
     @property

@@ -1,6 +1,6 @@
 """A state of a rule as one list: its functions on entry, its transitions, its functions on exit. Pure.
 
-Blocks are an indented list with a line for each condition. Each row knows its statement, so that a key can add, change,
+Blocks are an indented list with a line for each condition. Each row has its statement, so that a key can add, change,
 move or remove it.
 """
 
@@ -34,7 +34,7 @@ from rise_engine.syntax.xml_writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "transition", "other", "empty", "parameter"]
 MOST_LEVELS = 4
-"""Levels of nested blocks in the list; deeper ones are changed in the file."""
+"""Maximum number of levels of nested blocks in the list. Deeper ones are changed in the file."""
 
 
 class PartRow(NamedTuple):
@@ -46,31 +46,31 @@ class PartRow(NamedTuple):
     at: StatementAddress | None = None
     """The address of a statement or a branch. For a heading, transition or empty place: of a new statement in it."""
     transition: int = -1
-    """The number of the transition that this row is, or belongs to."""
+    """The number of the row's transition."""
     siblings: int = 0
-    """How many statements its block has."""
+    """The number of statements in its block."""
     reason: str = ""
-    """Why no form can change it."""
+    """Why no form can change it; empty: a form can."""
     guard: str = ""
     """A transition's guard, a branch's condition, or a parameter's note."""
     target: str | None = None
     """A transition's target, or a parameter's name."""
     new: StatementAddress | None = None
-    """The address of a function that is added here: after a function, last in a block, first in a branch."""
+    """The address for a new function at this row: after a function, last in a block, first in a branch."""
     behind: StatementAddress | None = None
-    """The address of a function that is added after the whole block of the row."""
+    """The address for a new function after the whole block of the row."""
     new_branch: StatementAddress | None = None
-    """The address of another branch of the `if` that the row is, or is in: before its `else`."""
+    """The address for another branch of the row's `if`, before its `else`."""
     can_be_else: bool = False
     """Whether that branch may be the `else`."""
     line: int = 0
-    """Its line in the file; 0: none of its own."""
+    """Its line in the file; 0: none."""
     call: CallForm | None = None
     """The function in the row."""
 
     @property
     def id(self) -> str:
-        """The row's id. It stays the same until something before the row is added or removed."""
+        """The row's id. It stays the same until an earlier row is added or removed."""
         named = self.kind not in ("heading", "transition") and self.at is not None
         path = ".".join(map(str, self.at.path)) if named and self.at is not None else ""
         place = self.at.place if self.at is not None else ""
@@ -109,7 +109,7 @@ def id_of_call(at: StatementAddress) -> str:
 
 
 def removal(row: PartRow, state: WrittenState, rule: str) -> AnyEdit | None:
-    """The edit that removes the row and its contents; None: it cannot be removed here."""
+    """The edit that removes the row and its contents; None: impossible here."""
     if row.kind == "transition":
         return RemoveTransition(rule, state.id, row.transition, state.transitions[row.transition].form)
     if row.kind in ("call", "if", "branch", "choice", "other") and row.at is not None and not row.reason:

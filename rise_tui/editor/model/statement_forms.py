@@ -1,4 +1,4 @@
-"""The forms of a rule's function, of the condition around it, and of what is given to a template. Pure."""
+"""The forms of a rule's function, of the condition around it, and of a template's arguments. Pure."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CALL_FIELDS: dict[FunctionName, tuple[str, ...]] = {
     "raiseEventTopic": ("function", "event", "keep"),
     "assignValue": ("function", "key", "value"),
 }
-"""The fields of a function in order. The second one has its argument, or the beginning of it."""
+"""The fields of a function in order. The second one has its argument, or the start of it."""
 WITHOUT_ENTRY = "it waits there without doing what it does on entry"
 _ASSIGNED = re.compile(r"\s*((?:[^=\"'\[\]]|\[[^\]]*\])+?)\s*=(?!=)\s*(.*)\Z", re.DOTALL)
 

@@ -1,4 +1,4 @@
-"""The names of a study that forms offer and check against, and a condition with them while it is typed. Pure."""
+"""The names of a study that forms offer and check against, and a typed condition with them. Pure."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rise_tui.editor.model.fields import NOT_GIVEN, EditField, FieldChoice, Fiel
 
 
 class StudyNames(NamedTuple):
-    """Everything that exists in a study, right or wrong."""
+    """Everything that exists in a study, even with errors."""
 
     outline: Outline
     memory: Mapping[str, Json]
@@ -30,7 +30,7 @@ class StudyNames(NamedTuple):
     """Memory keys that rules, keys of the keyboard or conditions set."""
     tables: frozenset[str]
     raised: Mapping[str, str]
-    """Events (without slash) that are raised, each with a note: `raised by rule Next, key n`."""
+    """Raised events (without slash), each with a note: `raised by rule Next, key n`."""
     own_events: Sequence[str]
     """Events that the study raises or waits for, without the engine's."""
     awaited: frozenset[str]
@@ -51,7 +51,7 @@ class StudyNames(NamedTuple):
         return [state.id for state in found.states] if found is not None else []
 
     def event_note(self, event: str) -> str:
-        """What raises an event, in words; empty: nothing in this study."""
+        """The sources of an event, in words; empty: none in this study."""
         return self.raised.get(normal_topic(event), "")
 
     def event_choices(self) -> list[FieldChoice]:
@@ -84,7 +84,7 @@ class StudyNames(NamedTuple):
         return [FieldChoice(state.id, state.id, "" if state.transitions else "ends the rule") for state in states]
 
     def act_choices(self, first: tuple[str, ...] = ()) -> list[FieldChoice]:
-        """The acts, those of `first` in front."""
+        """The acts, with those of `first` in front."""
         mine = [name for name in dict.fromkeys(first) if name in self.acts]
         names = (*mine, *(name for name in self.acts if name not in mine))
         return [FieldChoice(name, name, "started by this rule" if name in mine else "") for name in names]
@@ -106,7 +106,7 @@ def engine_notes(draft: ScenarioDraft) -> dict[str, str]:
 
 
 def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNames:
-    """The names in a study, from everything that could be read of it."""
+    """The names in a study, from all readable parts of it."""
     raised: dict[str, dict[str, None]] = {normal_topic(mention.name): {} for mention in draft.raised_topics}
     for rule in outline.rules:
         for call in calls_of_rule(rule):
@@ -173,7 +173,7 @@ def short_value(value: Json) -> str:
 
 
 MOST_CUTS = 60
-"""The most words that are cut from the end of an unreadable text to find a readable beginning."""
+"""Maximum number of words cut from the end of an unreadable text to find a readable beginning."""
 _WORD = re.compile(r"""[\w.]+|"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|\S""")
 _LAST_WORD = re.compile(r"[^\W\d][\w.]*\Z")
 _TEXTS = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'""")
@@ -181,9 +181,9 @@ WORDS = ("and", "or", "not", "true", "false", "contains", "starts with", "ends w
 
 
 def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
-    """How a condition is read, with the start values; of an unreadable one, its longest readable beginning.
+    """Explain a condition with the start values; of an unreadable one, its longest readable beginning.
 
-    What makes it unreadable, the check of the study says.
+    The check of the study reports why it is unreadable.
     """
     text = text.strip()
     try:

@@ -42,7 +42,7 @@ def split_row_id(id: str) -> tuple[str, str]:
 
 
 def keys_by_name(draft: StudyDraft) -> dict[tuple[str, str], list[KeyBinding]]:
-    """The study's keys by what they start: `("act", "R_Yes")`. Empty while there is an error."""
+    """The study's keys by the act or rule that they start: `("act", "R_Yes")`. Empty while there is an error."""
     scenario = draft.checked.scenario
     kinds = {"startCommunicationRobotAct": "act", "startInteractionRule": "rule"}
     if scenario is None:
@@ -99,7 +99,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
 
 
 def best_row(rows: Sequence[ListRow], wanted: str) -> str:
-    """The best match of a search: a row whose name begins with the text, else the first one."""
+    """The best match of a search: a row whose name begins with the text, or else the first one."""
     titles = {kind: title for kind, title, _ in ALSO}
 
     def title(id: str) -> str:
@@ -120,12 +120,12 @@ def _name_width(width: int) -> int:
 
 
 def _also_line(title: str, help: str, width: int) -> StyledLine:
-    """Names of these pages are short, which leaves room for their descriptions."""
+    """A row with a description: names of these pages are short."""
     return crop((("   ", "plain"), fixed_span(title, 10), (help, "muted")), width)
 
 
 def _act_note(draft: StudyDraft, act: WrittenAct, room: int) -> str:
-    """An act's settings and number of wordings, as much as fits."""
+    """An act's settings and number of wordings, as far as they fit."""
     most = max((len(action.calls) for action in act.actions), default=0)
     notes = [*setting_notes(draft, act), *([f"{most} var."] if most > 1 else [])]
     while notes and len(" ".join(notes)) > room:
@@ -176,12 +176,12 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
-    """The contents of an act's page, and what uses the act."""
+    """The contents of an act's page, and the uses of the act."""
     lines: list[StyledLine] = [
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
-    for action in act.actions:  # one role: colour changes are most of what a cursor move sends
+    for action in act.actions:  # one role: colour changes are most of a cursor move's bytes
         head = f" {when_text(action.wait_for):9}{action.id:>2} {action_type(action)[:9]:9} "
         lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]

@@ -20,9 +20,9 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, c
 NUMBER = 5
 """Cells for the number before a row."""
 LEAST, MOST = 4, 24
-"""Cells of a column if not all columns get the width that they need."""
+"""Cells of a column if not all columns get their full width."""
 _MEASURED = 400
-"""Rows that are measured to find the width of a column."""
+"""Number of rows that are measured for the width of a column."""
 
 
 class GridRow(NamedTuple):
@@ -42,7 +42,7 @@ class GridColumn(NamedTuple):
 
 
 class GridTable(NamedTuple):
-    """A table, and the room that it needs."""
+    """A table and its widths."""
 
     cells: WrittenCells
     widths: tuple[int, ...]
@@ -55,7 +55,7 @@ class Grid(NamedTuple):
     tables: dict[str, GridTable]
     """The readable tables."""
     problems: dict[str, str]
-    """Why the others cannot be read."""
+    """Why the other tables cannot be read."""
     rows: tuple[GridRow, ...]
 
 
@@ -98,7 +98,7 @@ def _is_of(file: str, name: str) -> bool:
 
 @lru_cache(maxsize=16)
 def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | str:
-    """A table, or why it cannot be read. Cached by its files, so that a cursor move reads no table again."""
+    """Read a table, or the reason why not. Cached by its files, so that a cursor move reads no table again."""
     try:
         cells = written_cells(dict(files), name)
         return GridTable(cells, _natural_widths(cells))
@@ -107,7 +107,7 @@ def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | 
 
 
 def row_at_line(grid: Grid, place: str) -> GridRow | None:
-    """The row at a line, `tables/items.csv:3`; None: there is none."""
+    """The row at a line, `tables/items.csv:3`; None: none."""
     file, _, line = place.rpartition(":")
     for name, table in grid.tables.items():
         if table.cells.file == file and line.isdigit():
@@ -136,8 +136,8 @@ def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
 def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColumn]:
     """The columns that fit, including the one with the cursor.
 
-    If all columns fit, each gets the width that it needs. Otherwise none is wider than `MOST`, cut columns share the
-    rest, and columns before the cursor's are hidden.
+    If all columns fit, each gets its full width. Otherwise none is wider than `MOST`, cut columns share the rest, and
+    columns before the cursor's are hidden.
 
     :param column: the index of the column with the cursor. :param width: cells of a row.
     """
@@ -216,7 +216,7 @@ def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
     """A table with columns and without rows.
 
     :param names: the existing tables. :param columns: the typed names, separated by commas.
-    :raises EditRefused: the name is not possible or taken, or there are no columns, or one occurs twice.
+    :raises EditRefused: the name is invalid or taken, or there are no columns, or one occurs twice.
     """
     if not is_writable_key(name) or "." in name:
         raise EditRefused(f"a table's name has letters, digits and _, and begins with a letter; not “{name}”")

@@ -34,8 +34,7 @@ from rise_tui.rendering.text import (
 )
 
 TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
-"""Of a translation: of the present text; of an earlier text; with other memory values than the text; missing; missing
-and not needed."""
+"""The state of a translation: up to date; outdated; with other memory values; missing; missing and not needed."""
 LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
 MARKS: dict[TextState, StyledSpan] = {
     "there": ("✓ ", "muted"),
@@ -45,13 +44,13 @@ MARKS: dict[TextState, StyledSpan] = {
     "not needed": ("· ", "muted"),
 }
 WIDE = 100
-"""The width in cells from which rows also show when a text is said, and with what."""
+"""Minimum width in cells for rows with the time of a text and its company."""
 LABEL = 8
-"""Cells before a text that is shown in full."""
+"""Cells before a text shown in full."""
 _MEASURE = 16
 """Cells for the length of a text."""
 ORIGINAL = "acts"
-"""Shown as the language of the acts if none is given."""
+"""The language of the acts if none is given."""
 
 
 class TextEntry(NamedTuple):
@@ -68,7 +67,7 @@ class TextEntry(NamedTuple):
 
 
 class TextCounts(NamedTuple):
-    """How much of a language is done."""
+    """The progress of a language."""
 
     there: int
     stale: int
@@ -79,7 +78,7 @@ class TextCounts(NamedTuple):
 
 
 class TextsView(NamedTuple):
-    """The visible part of the texts, so that the page can be left and opened again."""
+    """The visible part of the texts, which is restored when the page is opened again."""
 
     language: str = ""
     id: str = ""
@@ -101,7 +100,7 @@ def view_named(name: str) -> TextsView:
 
 
 def own_language(draft: StudyDraft) -> str:
-    """The language of the acts, even while there are mistakes; empty: it is not given."""
+    """The language of the acts, even while there are errors; empty: not given."""
     found = draft.values_in(SCENARIO_FILE).get("language")
     return found.strip() if isinstance(found, str) else ""
 
@@ -177,7 +176,7 @@ def _columns(width: int, *, is_translated: bool) -> _Columns:
 
 
 def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], shown: int, width: int) -> StyledLine:
-    """TEXTS, the two languages, how much is done, and which texts are shown."""
+    """TEXTS, the two languages, the progress, and the shown texts."""
     own, languages = own_language(draft) or ORIGINAL, languages_of(draft)
     left: list[StyledSpan] = [(" TEXTS", "strong"), (f"  {own}", "accent")]
     if view.language:
@@ -197,7 +196,7 @@ def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], 
 
 
 def column_line(draft: StudyDraft, view: TextsView, column: int, width: int) -> StyledLine:
-    """The names of the columns; the one that Enter changes is marked.
+    """The names of the columns; the one for Enter is marked.
 
     :param column: 0: the acts' texts; 1: the translation.
     """
@@ -239,7 +238,7 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
 
 
 def said_with(checked: LoadResult, text: SpokenText) -> str:
-    """What begins at the same time; empty: nothing."""
+    """Everything that begins at the same time; empty: nothing."""
     act = checked.draft.acts.get(text.act)
     found = []
     for other in act.actions if act is not None else ():
@@ -253,7 +252,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
 
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
-    """The text's id, when and with what it is said, and its line."""
+    """The text's id, its time and company, and its line."""
     text, where = entry.text, _place_of_original(draft, entry.text)
     beside = said_with(draft.checked, text)
     left: StyledLine = (
@@ -264,7 +263,7 @@ def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
 
 
 def whole_text(label: str, text: str, measure: str, width: int, *, is_marked: bool, role: TextRole) -> list[StyledLine]:
-    """A text on as many lines as it needs, after its label. Its length is at the end of the first line."""
+    """A text on the lines that it needs, after its label. Its length is at the end of the first line."""
     room = max(10, width - LABEL - _MEASURE)
     pieces = wrap(text, room)
     mark = "▸" if is_marked else " "
@@ -331,19 +330,19 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
 
 
 def _measure(checked: LoadResult, text: SpokenText, template: Template) -> str:
-    """The number of characters, and about how long it takes to say them."""
+    """The number of characters, and the probable time to speak them."""
     return f"{len(template.text)} · {format_seconds(said_seconds(checked, text, template))} s"
 
 
 def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> float:
-    """About how long it takes to say something in place of a text, with the memory's start values."""
+    """The probable time to speak something in place of a text, with the memory's start values."""
     spec = checked.robot.actions[text.call.type]
     call = replace(text.call, parameters={**text.call.parameters, text.parameter: template})
     return call_seconds(call, spec, checked.draft.memory, {text.parameter: template.text})
 
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
-    """The line of a text or its translation; for a missing one, the line before which it goes."""
+    """The line of a text or its translation; for a missing one, its act's line in the translation, or line 1."""
     if column == 1 and entry.translation is not None:
         where = entry.translation.location
         return FilePlace(where.file, where.line, where.line)

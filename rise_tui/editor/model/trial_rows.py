@@ -29,7 +29,7 @@ KIND_ROLES: dict[HappenedKind, TextRole] = {
     "says": "plain", "note": "muted", "problem": "fault",
 }  # fmt: skip
 MOST_LINES = 400
-"""Lines of past events that are shown. Older ones are only counted."""
+"""Maximum number of lines of past events. Older ones are only counted."""
 
 
 def clock_text(seconds: float) -> str:
@@ -58,7 +58,7 @@ def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledL
 
 
 def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
-    """The rows that Enter works on, with the information that the author needs, in at most `width` cells."""
+    """The rows for Enter, with the information that the author needs, in at most `width` cells."""
     standing = standing_of(trial, rule)
     rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
     rows += _running_rows(trial, width)
@@ -78,7 +78,7 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
 
 
 def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
-    """What happened, the newest last. A long line takes several rows."""
+    """The past events, the newest last. A long line takes several rows."""
     rows = []
     left_out = len(lines) - MOST_LINES
     if left_out > 0:
@@ -168,7 +168,7 @@ def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
 
 
 def _rows_to_do(trial: Trial, keys: list[KeyChoice], width: int) -> Iterator[ListRow]:
-    """What could make a rule go on."""
+    """The events and keys that could make a rule go on."""
     events = events_to_raise(trial)
     if keys or events:
         yield _heading("WHAT YOU CAN DO")

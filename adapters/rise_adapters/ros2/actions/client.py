@@ -1,9 +1,9 @@
 """The client's side of a ROS 2 action, built from its three services and two topics.
 
-This module contains no policy: no deadline, no retry, no opinion (`robot` has them). Direct use of the parts makes
-possible what ready-made clients cannot do: own goal ids, cancelling an id that was not accepted yet, cancelling
-everything on a server, asking for a result again. Source: https://design.ros2.org/articles/actions.html, and
-measurements against rclpy 7.1 (docs/explanation/ros2.md).
+This module contains no policy, such as deadlines and retries (`robot` has it). It uses the parts directly, because
+ready-made clients lack functions: own goal ids, cancelling an id that was not accepted, cancelling everything on a
+server, requesting a result again. Source: https://design.ros2.org/articles/actions.html, and measurements against rclpy
+7.1 (docs/explanation/ros2.md).
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from rise_adapters.ros2.transport.port import (
 )
 
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
-"""The states of a goal (action_msgs/msg/GoalStatus). UNKNOWN also answers about a goal that the server never had."""
+"""The states of a goal (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that was never sent."""
 STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
-"""The same for a person."""
+"""The names of these states, for a person."""
 FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
 
 CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
-"""The answers to a cancel request (action_msgs/srv/CancelGoal). NONE is not an error. Only the list of goals shows that
-something is being cancelled: rclpy answers a refused cancel with NONE and an empty list."""
+"""The answers to a cancel request (action_msgs/srv/CancelGoal). NONE is not an error. Only the list of goals shows
+whether something is being cancelled: rclpy answers a refused cancel with NONE and an empty list."""
 
 ALL_GOALS = bytes(16)
-"""The goal id that, with a zero stamp, asks to cancel all goals of a server, including those of others."""
+"""The goal id that, with a zero stamp, cancels all goals of a server, including those of other clients."""
 
 
 FEEDBACK_PAUSE = 0.1
@@ -57,7 +57,7 @@ class CancelResponse(Struct, frozen=True):
 
 
 class ActionClient:
-    """One action on the wire. It owns its services and subscriptions, and passes on every answer, even a second one."""
+    """One action on the wire. It owns its services and subscriptions, and passes on every answer, even a duplicate."""
 
     def __init__(
         self,
@@ -70,19 +70,19 @@ class ActionClient:
         status: QoS = STATUS,
     ) -> None:
         """`name` in ROS's form, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`. `feedback`, `status`:
-        the quality of service of these subscriptions; `feedback` None: no subscription. Raises PortError."""
+        their quality of service; `feedback` None: no subscription. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""
         self.heard_at: float | None = None
         """The time of the server's last sign of life: any answer, feedback or status."""
         self.statuses: dict[bytes, int] = {}
-        """The server's last status of each goal that it knows, including those of others. While there are several, also
-        of what may go on at one that did not speak last: a message does not say who sent it."""
+        """The server's last status of each goal that it knows, including those of other clients. With several servers,
+        also of goals at one that did not publish last: a message does not name its sender."""
         self.on_feedback: Callable[[bytes, Message], None] = _ignore
-        """Called with the goal's id and the action's feedback. Of feedback in quick succession, only the newest
-        messages arrive (`FEEDBACK_PAUSE`), as many as the depth of the topic, because several goals share it."""
+        """Called with the goal's id and the action's feedback. Of fast feedback, only the newest messages arrive
+        (`FEEDBACK_PAUSE`), as many as the depth of the topic, because several goals share it."""
         self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
-        """Called with `statuses` when the server has published them."""
+        """Called with `statuses` after the server has published them."""
         self._now = now
         types = action_types(type)
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
@@ -106,17 +106,16 @@ class ActionClient:
         return max(counts) if all(counts) else 0
 
     def count_status_publishers(self) -> int:
-        """The number of those whose status would arrive."""
+        """The number of publishers whose status would arrive."""
         return self._status.count_publishers()
 
     def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:
-        """Send a goal under our own id (16 bytes). `answered` receives whether it was accepted. Raises PortError."""
+        """Send a goal with our own id (16 bytes). `answered` receives whether it was accepted. Raises PortError."""
         request = {"goal_id": {"uuid": goal}, "goal": fields}
         self._call(self._send, request, lambda response: answered(bool(response["accepted"])))
 
     def get_result(self, goal: bytes, ended: Callable[[int, Message], None]) -> None:
-        """Ask for a goal's result: its status and fields, which arrive when it has ended. Asking again is always
-        allowed.
+        """Request a goal's result: its status and fields, which arrive at its end. Repeated requests are allowed.
 
         Raises PortError.
         """
@@ -133,11 +132,11 @@ class ActionClient:
         self._call(self._cancel, {"goal_info": {"goal_id": {"uuid": goal}}}, take_response)
 
     def unfinished_goals(self) -> set[bytes]:
-        """The goals that the server reports as unfinished, including those of others."""
+        """The goals that the server reports as unfinished, including those of other clients."""
         return {goal for goal, status in self.statuses.items() if status not in FINAL_STATUSES}
 
     def close(self) -> None:
-        """Stop receiving answers. The server's work goes on."""
+        """Stop receiving answers. The server's work continues."""
         for part in (self._send, self._cancel, self._result, *self._subscriptions):
             part.close()
 

@@ -13,18 +13,17 @@
     type = "rise_interfaces/action/Speech"
     server = ActionServer(transport, "rise/robot/speech", type, take_goal, take_cancel, clock=clock)
 
-The caller decides the policy: several goals at once, one at a time, or the latest wins. The server guarantees, whatever
-the caller and the clients do:
+The caller decides the policy: several goals together, one at a time, or the latest wins. The server guarantees:
 - A goal has one acceptance or rejection and one ending. Later calls are ignored and return False.
 - A goal id is accepted once, and an id that was seen recently is not accepted again.
-- A cancel before the acceptance is not lost: the caller is asked about it as soon as the goal is accepted.
+- A cancel before the acceptance is not lost: `take_cancel` follows as soon as the goal is accepted.
 - A client can ask for a result before the acceptance, while the goal runs, and `result_timeout` seconds after its end.
-- What is published and kept is bounded: the status array lists the running goals and the latest ended ones.
+- Published and kept data is bounded: the status array lists the running goals and the latest ended ones.
 
 A request to cancel goals gets exactly one answer (action_msgs/srv/CancelGoal).
 
-Where this differs from rcl, it follows the comments of CancelGoal.srv: a refused cancel is answered with code 1 (rcl
-answers 0 with an empty list), and a second cancel of the same goal succeeds again.
+Two differences from rcl follow the comments of CancelGoal.srv: a refused cancel is answered with code 1 (rcl answers 0
+with an empty list), and a second cancel of the same goal succeeds again.
 """
 
 from __future__ import annotations
@@ -72,14 +71,14 @@ _LOG = logging.getLogger(__name__)
 # --- requests to cancel -----------------------------------------------------------------------------------------------
 
 MAX_WAITING_REPLIES = 64
-"""The most requests that wait to cancel one goal, or for its result."""
+"""Maximum number of requests that wait to cancel one goal, or for its result."""
 
 
 class CancelRequest:
-    """Waits for a decision about each of its goals, and then answers."""
+    """Waits for a decision about each of its goals, then answers."""
 
     def __init__(self, goals: list[ServerGoal], send_reply: Callable[[Message], object], *, is_about_one: bool) -> None:
-        """`is_about_one`: it names one goal, so its answer says why that goal is not cancelled."""
+        """`is_about_one`: it names one goal, so its answer gives the reason if that goal is not cancelled."""
         self._send_reply = send_reply
         self._is_about_one = is_about_one
         self._undecided = len(goals) + 1
@@ -114,12 +113,12 @@ class CancelRequest:
 # --- the status of goals ----------------------------------------------------------------------------------------------
 
 STATUS_SECONDS = 0.01
-"""Seconds between two status arrays, and for each goal in it ..."""
+"""Seconds between two status arrays, and for each goal in the array ..."""
 STATUS_SECONDS_PER_GOAL = 0.002
 
 
 class StatusPublisher:
-    """Publishes the array after a change; the longer it is, the less often."""
+    """Publishes the array after a change; the longer the array, the less often."""
 
     def __init__(self, publisher: Publisher, clock: Clock, goals: Callable[[], Sequence[ServerGoal]]) -> None:
         """`goals` returns the goals for the array."""
@@ -158,11 +157,11 @@ class StatusPublisher:
 
 RESULT_TIMEOUT = 10.0
 """Seconds after its end for which a result can be requested. A client asks as soon as its goal is accepted, so this is
-for a client that was cut off briefly. rclpy's 15 minutes would keep 900,000 goals at 1,000 a second."""
+for a client that was cut off briefly. The 15 minutes of rclpy would keep 900,000 goals at 1,000 a second."""
 MAX_ENDED = 10_000
-"""The most ended goals that are kept, whatever the timeout."""
+"""Maximum number of ended goals that are kept, whatever the timeout."""
 MAX_LISTED = 20
-"""The most ended goals in the status array, the latest ones."""
+"""Maximum number of ended goals in the status array: the latest ones."""
 
 Decide: TypeAlias = Callable[[bool], None]
 """Decides whether a goal will be cancelled. Only the first call counts."""
@@ -171,7 +170,7 @@ TakeCancel: TypeAlias = Callable[[ServerGoal, Decide], object]
 
 
 def accept_cancel(goal: ServerGoal, decide: Decide) -> None:
-    """Accept every cancel. This is the policy of a server that watches `goal.status` during its work."""
+    """Accept every cancel, for a server that watches `goal.status` during its work."""
     decide(True)
 
 
@@ -197,7 +196,7 @@ class ActionServer:
         `take_goal` receives each new goal, `take_cancel` each goal to cancel (never the same goal twice at a time).
 
         Neither is called inside a method of a goal. `clock` measures the timeout: `RealClock(loop)` outside of tests.
-        Raises PortError when the transport does not know the type.
+        Raises PortError if the transport does not know the type.
         """
         self.name = transport.resolve(name)
         self._take_goal = take_goal
@@ -228,8 +227,8 @@ class ActionServer:
         return list(self._goals.values())
 
     def adopt(self, id: bytes) -> ServerGoal:
-        """Take over a goal that a server of this name had accepted before it went down, so that its client can still
-        cancel it and get its result. Raises ValueError when a goal with that id exists."""
+        """Take over a goal that an earlier server of this name had accepted, so that its client can still cancel it and
+        get its result. Raises ValueError if a goal with that id exists."""
         if len(id) != 16 or id == ALL_GOALS or id in self._goals or id in self._ended:
             raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
         goal = self._goals[id] = ServerGoal(self, id, {}, None)
@@ -251,7 +250,7 @@ class ActionServer:
         self._release()
 
     def vanish(self) -> None:
-        """Disappear like a killed program: answer nobody, publish nothing, and forget all goals."""
+        """Disappear like a killed program: send no answers, publish nothing, and forget all goals."""
         if self._closed:
             return
         self._closed = True
@@ -325,7 +324,7 @@ class ActionServer:
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
         try:
             self._take_goal(goal)
-        except Exception:  # without an answer the client would wait forever
+        except Exception:  # without an answer, the client would wait forever
             _LOG.exception("a goal of %s could not be handled", self.name)
             if not goal.reject():
                 goal.abort()
@@ -334,7 +333,7 @@ class ActionServer:
         id = bytes(request["goal_id"]["uuid"])
         if (goal := self._goals.get(id)) is not None:
             if len(goal.result_requests) == MAX_WAITING_REPLIES:
-                del goal.result_requests[0]  # a client that asks again and again
+                del goal.result_requests[0]  # from a client that repeats its request
             goal.result_requests.append(reply)
         elif (goal := self._ended.get(id)) is not None:
             goal.send_result(reply)
@@ -367,7 +366,7 @@ class ActionServer:
         goal.is_asked_to_cancel = True
         try:
             self._take_cancel(goal, partial(self._decide_cancel, goal))
-        except Exception:  # without a decision the client would wait forever
+        except Exception:  # without a decision, the client would wait forever
             _LOG.exception("a goal of %s could not be cancelled", self.name)
             self._decide_cancel(goal, False)
 

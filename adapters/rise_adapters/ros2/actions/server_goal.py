@@ -1,4 +1,4 @@
-"""A goal that a client has sent to one of our action servers, from the request to its one ending."""
+"""A goal that a client sent to one of our action servers, from the request to its one ending."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from rise_adapters.ros2.transport.port import Message, SendReply
 
 
 class GoalServer(Protocol):
-    """What a goal needs from its server."""
+    """The part of a server that its goals use."""
 
     def send_reply(self, reply: SendReply, message: Message) -> bool:
-        """Answer a request; returns whether the answer could be sent."""
+        """Answer a request. Returns whether the answer could be sent."""
         ...
 
     def send_feedback(self, goal: ServerGoal, message: Message) -> None:
-        """Raises PortError when `message` does not fit the action."""
+        """Publish feedback. Raises PortError if `message` does not fit the action."""
         ...
 
     def on_status_changed(self, goal: ServerGoal) -> None:
@@ -38,11 +38,11 @@ class GoalServer(Protocol):
 
 
 class ServerGoal:
-    """One goal, for the code that carries it out: accept or reject it, now or later, then end it exactly once. A call
-    that comes too late, or twice, changes nothing and returns False. Created by the server."""
+    """One goal, for the code that carries it out: accept or reject it, now or later, then end it exactly once. A late
+    or repeated call has no effect and returns False. Created by the server."""
 
     def __init__(self, server: GoalServer, id: bytes, message: Message, reply: SendReply | None) -> None:
-        """`reply` tells the client whether the goal is accepted; None: an earlier server has accepted it."""
+        """`reply` sends the client the acceptance or rejection; None: an earlier server has accepted the goal."""
         self.id = id
         """The client's id, 16 bytes."""
         self.message = message
@@ -51,11 +51,11 @@ class ServerGoal:
         self.data: object = None
         """For the caller's use."""
         self.is_result_fetched = False
-        """Whether a client has received its result. Clients ask only when they know that the goal was accepted."""
+        """Whether a client has received its result. Clients request it only after the acceptance."""
         self.received_at_ns = time.time_ns()
-        """Its arrival, since 1970. Requests to cancel goals older than some time use it."""
+        """Its arrival in nanoseconds since 1970, for requests to cancel goals older than some time."""
         self._server = server
-        # The server's own notes about it:
+        # For the server:
         self.reply = reply
         seconds, rest = divmod(self.received_at_ns, 1_000_000_000)
         self.info: Message = {"goal_id": {"uuid": id}, "stamp": {"sec": seconds, "nanosec": rest}}
@@ -63,11 +63,11 @@ class ServerGoal:
         self.result_requests: list[SendReply] = []
         """The replies that wait for its result."""
         self.cancel_requests: list[Callable[[int], None]] = []
-        """The callbacks that wait for a decision about its cancelling, as a code of CancelGoal.srv."""
+        """The callbacks that wait for a decision about a cancel, as a code of CancelGoal.srv."""
         self.is_asked_to_cancel = False
-        """Whether the code that carries it out was asked about a cancel, and has not decided."""
+        """Whether the caller was asked about a cancel and has not decided."""
         self.expires_at = 0.0
-        """Until when its result can be requested, on the server's clock."""
+        """The end of the time for requesting its result, on the server's clock."""
         self._result: Message = {}
         """The result with its status, as clients receive it."""
 
@@ -78,13 +78,13 @@ class ServerGoal:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the goal is over, including a rejected one."""
+        """Whether the goal is over, or was rejected."""
         return self.status >= SUCCEEDED or (self.status == UNKNOWN and self.is_decided)
 
     # --- calls of the caller; each returns whether it counted ---------------------------------------------------
 
     def accept(self) -> bool:
-        """Tell the client that the goal will be carried out."""
+        """Tell the client that the goal was accepted."""
         reply, self.reply = self.reply, None
         if reply is None:
             return False
@@ -94,7 +94,7 @@ class ServerGoal:
         return True
 
     def reject(self) -> bool:
-        """Tell the client that the goal will not be carried out; this ends it."""
+        """Tell the client that the goal was rejected. This ends it."""
         reply, self.reply = self.reply, None
         if reply is None:
             return False
@@ -113,7 +113,7 @@ class ServerGoal:
         return True
 
     def publish_feedback(self, message: Message) -> bool:
-        """Publish feedback. Raises PortError when `message` does not fit the action."""
+        """Publish feedback. Raises PortError if `message` does not fit the action."""
         if self.status not in (ACCEPTED, EXECUTING, CANCELING):
             return False
         self._server.send_feedback(self, message)
@@ -128,7 +128,7 @@ class ServerGoal:
         return self._end(ABORTED, result)
 
     def cancel(self, result: Message | None = None) -> bool:
-        """Like `succeed`, for a goal that was cancelled, whoever asked for that."""
+        """Like `succeed`, for a goal that any client has cancelled."""
         return self._end(CANCELED, result)
 
     def _end(self, status: int, result: Message | None) -> bool:
@@ -140,7 +140,7 @@ class ServerGoal:
         return True
 
     def _finish(self, result: Message, code: int) -> None:
-        """End the goal for good: answer those who wait for its result, or for a decision about cancelling it."""
+        """End the goal, and answer all requests for its result or for a cancel."""
         self.message, self._result = {}, result
         self._server.on_status_changed(self)
         requests, self.result_requests = self.result_requests, []
@@ -151,10 +151,10 @@ class ServerGoal:
     # --- calls of the server ------------------------------------------------------------------------------------
 
     def send_result(self, reply: SendReply) -> None:
-        """Send the result of an ended goal to a client that asks for it."""
+        """Send the result of an ended goal to a client that requests it."""
         self.is_result_fetched = True
         if not self._server.send_reply(reply, self._result) and self._result.get("result"):
-            # A result that does not fit its type would leave the client waiting. Then the outcome is unknown.
+            # A result that does not fit its type would leave the client waiting. So the outcome becomes ABORTED.
             self.status = ABORTED
             self._result = {"status": ABORTED, "result": {}}
             self._server.send_reply(reply, self._result)

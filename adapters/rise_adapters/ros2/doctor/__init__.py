@@ -1,11 +1,11 @@
-"""The report of `rise-engine doctor` about ROS 2 on this machine and about the robot: what works, what does not, and
-what to do. It also works without ROS, and then says how to continue.
+"""The report of `rise-engine doctor` on ROS 2 on this machine and on the robot: what works, what does not, and the
+remedy. It also works without ROS, and then shows the next steps.
 
     findings = await examine("auto", profile)
     print(as_text(findings))
     return exit_status(findings)
 
-Nothing here changes anything. It sends no goal, and announces only its own node.
+It changes nothing, sends no goal, and announces only its own node.
 """
 
 from __future__ import annotations

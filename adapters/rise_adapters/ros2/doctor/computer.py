@@ -1,4 +1,4 @@
-"""This computer: what is installed and sourced of ROS 2, the transport of a session, its domain and discovery."""
+"""This computer: the installed and sourced parts of ROS 2, the transport of a session, its domain and discovery."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ INTERFACES = "rise_interfaces"
 
 
 def check_interfaces(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Whether `rise_interfaces` is built and sourced, and matches this program's version."""
+    """Check whether `rise_interfaces` is built and sourced, and matches this program's version."""
     built = [prefix / "share" / INTERFACES for prefix in sourced_prefixes(environment)]
     built = [folder for folder in built if folder.is_dir()]
     remedy = f"colcon build --packages-select {INTERFACES}, and source install/setup.bash"
@@ -80,8 +80,8 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
-    """The hashes of this program's types, by name; empty when they cannot be computed here."""
-    types = InterfaceCatalog([RISE_INTERFACES], environment)  # the standard ones are in ROS
+    """The hashes of this program's types, by name; empty if they cannot be computed here."""
+    types = InterfaceCatalog([RISE_INTERFACES], environment)  # ROS has the standard ones
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
         for kind in ("msg", "srv", "action")
@@ -89,7 +89,7 @@ def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     ]
     try:
         return {name: types.type_hash(name) for name in names}
-    except PortError:  # neither ROS nor rosbags is here
+    except PortError:  # without ROS and rosbags
         return {}
 
 
@@ -103,7 +103,7 @@ def built_hashes(folder: Path) -> dict[str, str]:
 
 def _is_importable(package: str) -> bool:
     spec = find_spec(package)
-    return spec is not None and spec.origin is not None  # a folder of that name alone is not a package
+    return spec is not None and spec.origin is not None  # a folder of that name alone is no package
 
 
 _INSTALLED = Path("/opt/ros")
@@ -112,7 +112,7 @@ _INSTALLED = Path("/opt/ros")
 def check_installation(
     environment: Environment, *, wanted: bool = False, installed: Path = _INSTALLED
 ) -> Iterator[DoctorFinding]:
-    """Whether ROS 2 is installed and sourced, and whether this Python can use it. `wanted`: the transport is rclpy."""
+    """Check whether ROS 2 is installed and sourced, and usable by this Python. `wanted`: the transport is rclpy."""
     name, prefixes = environment.get("ROS_DISTRO", ""), sourced_prefixes(environment)
     if name and prefixes:
         yield DoctorFinding("ok", "ros", f"ROS 2 {name.capitalize()} is sourced: {', '.join(map(str, prefixes[:6]))}")
@@ -160,7 +160,7 @@ def check_installation(
 
 
 def check_middleware(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Which middleware the nodes of this terminal use, and whether the transport can reach it."""
+    """Check which middleware the nodes of this terminal use, and whether the transport can reach it."""
     installed = installed_rmw(environment)
     named = environment.get("RMW_IMPLEMENTATION", "")
     if installed:
@@ -199,7 +199,7 @@ def installed_rmw(environment: Environment) -> list[str]:
 
 
 def check_transport(choice: str) -> tuple[selection.TransportKind | None, list[DoctorFinding]]:
-    """The transport that a session would use with `--ros CHOICE`, and why."""
+    """The transport of a session with `--ros CHOICE`, and why."""
     found: list[DoctorFinding] = []
     missing = selection.why_unavailable()
     try:
@@ -239,11 +239,11 @@ def _setup_file(installed: Path) -> str:
 
 
 _SAFE_DOMAINS = 101
-"""Above this, the ports of DDS overlap with those that Linux gives to programs."""
+"""Above this, the ports of DDS overlap with those that Linux assigns to programs."""
 
 
 def check_network(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Check settings that silently keep programs from finding each other."""
+    """Check settings that silently prevent programs from finding each other."""
     yield from _check_domain(environment.get("ROS_DOMAIN_ID", "").strip())
     local = environment.get("ROS_LOCALHOST_ONLY", "")
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")

@@ -30,7 +30,7 @@ from rise_engine.scenario.model import RobotProfile
 
 
 def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
-    """Which other nodes are visible, and which of them cannot be reached."""
+    """Report the visible nodes, and those that cannot be reached."""
     if lost := transport.failure():
         yield DoctorFinding("problem", "graph", f"the connection is lost: {lost}")
         return
@@ -76,7 +76,7 @@ async def examine(
     open_transport: TransportOpener = selection.open_transport,
 ) -> list[DoctorFinding]:
     """Examine everything, in the order of importance. `choice` and `arguments` are those of a session (`--ros`,
-    `--ros-args`). With a profile, the search for its robot takes `seconds` at most. Never raises for what it finds."""
+    `--ros-args`). With a profile, the search for its robot takes `seconds` at most. Findings are never raised."""
     if choice == "off":
         return [DoctorFinding("note", "transport", "ROS is off", "omit `--ros off` to examine it")]
     kind, about_transport = check_transport(choice)
@@ -103,6 +103,6 @@ async def examine(
 def examine_robot(
     wire: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
 ) -> tuple[str, int]:
-    """The output of `rise-engine doctor`, and its exit status (`rise_engine.ports.bridge.Examiner`)."""
+    """Return the output of `rise-engine doctor` and its exit status (`rise_engine.ports.bridge.Examiner`)."""
     found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
     return (finding.as_json(found) + "\n" if as_json else finding.as_text(found)), finding.exit_status(found)

@@ -23,12 +23,12 @@ CYCLONE_RMW = "rmw_cyclonedds_cpp"
 
 
 def sourced_prefixes(environment: Environment) -> list[Path]:
-    """The folders of the sourced installations and workspaces, from AMENT_PREFIX_PATH."""
+    """The folders of sourced installations and workspaces, from AMENT_PREFIX_PATH."""
     return [Path(prefix) for prefix in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
 
 
 def installed_version(package: str) -> str:
-    """The version of a Python package; empty when it is not installed."""
+    """The version of a Python package; empty: not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -39,18 +39,18 @@ Level: TypeAlias = Literal["ok", "note", "warning", "problem"]
 
 
 class DoctorFinding(Struct, frozen=True):
-    """One thing to know."""
+    """One finding."""
 
     level: Level
     about: str
     """Its subject: ros, rmw, network, transport, interfaces, robot or graph."""
     sentence: str
     remedy: str = ""
-    """What to do about it."""
+    """The remedy."""
 
 
 def exit_status(findings: Sequence[DoctorFinding]) -> int:
-    """The exit status: 1 when there is a problem."""
+    """The exit status: 1 if there is a problem."""
     return 1 if any(finding.level == "problem" for finding in findings) else 0
 
 

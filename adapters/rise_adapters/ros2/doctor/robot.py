@@ -1,4 +1,4 @@
-"""Whether each action of the robot is offered once, and as its profile says.
+"""Checks whether each action of the robot is offered once, and as its profile says.
 
 It also compares a profile's joints and coordinate frames with those that the robot publishes on `joint_states`, `/tf`
 and `/tf_static`.
@@ -47,7 +47,7 @@ class LiveNames:
         """The names in the profile by kind, each with an action that needs it."""
         self._seen: dict[str, set[str]] = {"joint": set(), "frame": set()}
         self._deaf: list[str] = []
-        """Why something cannot be listened to."""
+        """Why a topic cannot be listened to."""
         self._subscriptions: list[Subscription] = []
         for action, mapping in mappings.items():
             for source in (mapping.message, mapping.reset):
@@ -90,7 +90,7 @@ class LiveNames:
     # --- the profile's names --------------------------------------------------------------------------------------
 
     def _collect(self, source: FieldSource, action: str, frame: str, field: str = "") -> None:
-        """Note the joints and frames that a source adds to a message itself."""
+        """Note the joints and frames that a source adds to a message."""
         if isinstance(source, MessageSource):
             for name, inside in source.fields.items():
                 self._collect(inside, action, frame, name)
@@ -134,7 +134,7 @@ class LiveNames:
 
 
 SEARCH_SECONDS = 3.0
-"""Seconds to wait for the robot's servers. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
+"""Seconds to search for the robot's servers. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
 SETTLE_SECONDS = 0.5
 """Seconds to continue after all were found, because a second server may follow."""
 _POLL_SECONDS = 0.05
@@ -144,7 +144,7 @@ _MOST_NAMES = 8
 async def check_robot(
     transport: Transport, profile: RobotProfile | None, seconds: float = SEARCH_SECONDS
 ) -> list[DoctorFinding]:
-    """Whether each of the robot's actions is offered once, and as the profile says (`compatibility`)."""
+    """Check whether each of the robot's actions is offered once, and as the profile says (`compatibility`)."""
     if profile is None:
         return [DoctorFinding("note", "robot", "no robot was named, so none was examined", "add --robot NAME")]
     if profile.driver != DRIVER:
@@ -191,7 +191,7 @@ async def check_robot(
 
 
 def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
-    """The state of the emergency stop in the profile."""
+    """Report the state of the emergency stop in the profile."""
     if estop is None:
         return
     what = f"the emergency stop at {estop.name}"
@@ -205,7 +205,7 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
 
 
 def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:
-    """Other nodes that may move the robot. A session is named like any node."""
+    """Report other nodes that may move the robot. A session is named like any node."""
     said: set[str] = set()
     for each in expected:
         for node in graph_checks.other_clients(transport, each.full) if each.is_action else ():
@@ -266,7 +266,7 @@ class _ExpectedEndpoint:
         self._close()
 
     def poll(self) -> None:
-        """Ask its node for its state, if that has a lifecycle."""
+        """Ask its node for its state, if it is a lifecycle node."""
         if self.is_action:
             self._lifecycle.follow_server(self.full)
             self._lifecycle.poll()
@@ -276,11 +276,11 @@ class _ExpectedEndpoint:
         return self.count_receivers() > 0 and compatibility.compare(self._transport, self._mapping).complete
 
     def is_seen(self) -> bool:
-        """Whether anything with that name exists, right or wrong."""
+        """Whether anything with that name exists, even if it does not fit."""
         return self.count_receivers() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
 
     def names_elsewhere(self) -> list[str]:
-        """Names under which something of its type exists. Sessions listen to one another, and are not robots."""
+        """Other names with its type. Sessions, which listen to one another, are not robots."""
         others = graph_checks.names_elsewhere(self._transport, self._mapping)
         return [name for name in others if not name.endswith(f"/{neighbours.TOPIC}")]
 
@@ -331,5 +331,5 @@ def definition_folders(profile: RobotProfile | None) -> list[Path]:
         return []
     try:
         return [Path(folder) for folder in read_options(profile).share]
-    except PortError:  # reported with all other mistakes in the profile
+    except PortError:  # reported with all other errors in the profile
         return []

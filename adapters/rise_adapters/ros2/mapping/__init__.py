@@ -1,8 +1,8 @@
-"""How a robot profile maps an action to a ROS action, topic or service, and what fills its fields
+"""The mapping of a robot profile's actions to ROS actions, topics and services, and to their fields
 (docs/reference/robots.md, "Carriers").
 
-`read_mappings` checks a whole profile at once and prepares it. An `ActionMapping` then makes the message of a goal, and
-reads from a result whether the robot did what it was asked to do. Nothing here sends anything.
+`read_mappings` checks and prepares a whole profile. An `ActionMapping` then makes the message of a goal, and reads from
+a result whether the robot succeeded. Nothing here sends messages.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""One carrier: a profile's statements about an action's way to the robot, ready for use (docs/reference/robots.md,
-"Carriers"). `rise_adapters.ros2.mapping` reads them."""
+"""One carrier, ready for use: how an action reaches the robot, by its profile (docs/reference/robots.md, "Carriers").
+`rise_adapters.ros2.mapping` reads carriers."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
 from rise_engine.kernel.act_runner import CANCEL_LIMIT
 
 MAX_CANCEL_SECONDS = CANCEL_LIMIT - 0.25
-"""The kernel gives a cancel up after CANCEL_LIMIT; our report must arrive before that."""
+"""Maximum seconds of a cancel. Our report must arrive before the kernel gives up, after CANCEL_LIMIT."""
 MappingKind: TypeAlias = Literal["action", "topic", "service"]
-"""What carries an action."""
+"""The kind of carrier."""
 
 
 class GoalDeadlines(Struct, frozen=True):
-    """Seconds that each phase of a goal may take, on the session's clock."""
+    """Maximum seconds of each phase of a goal, on the session's clock."""
 
     server: float = 5.0
-    """Until something offers the action or the service, or listens to the topic."""
+    """Until a node offers the action or service, or listens to the topic."""
     acceptance: float = 2.0
     """Until the goal is accepted or refused."""
     feedback: float = 0.0
-    """Until feedback arrives (again); 0: none is expected."""
+    """Until the next feedback; 0: none is expected."""
     result: float = 0.0
-    """Seconds that the goal may take longer than expected; 0: the kernel's limit decides (`limit` of the action)."""
+    """Seconds beyond the expected time; 0: the kernel's limit decides (`limit` of the action)."""
     cancel: float = 4.0
     """Until a cancelled goal has ended, at most MAX_CANCEL_SECONDS."""
 
@@ -39,13 +39,13 @@ class EstopMapping(Struct, frozen=True):
     """The input of a laboratory's emergency stop: a topic, or a service that this side offers."""
 
     name: str
-    """As written, not resolved yet."""
+    """As written, before it is resolved."""
     type: str = ""
     """The type of the topic's messages; empty: it is a service, `std_srvs/srv/SetBool`."""
     when: tuple[tuple[tuple[str, ...], tuple[Any, ...]], ...] = ()
     """It is pressed when each of these fields has one of its values."""
     silent_after: float = 0.0
-    """Seconds without a message after which it counts as silent; 0: it may stay silent forever."""
+    """Seconds without a message after which it counts as silent; 0: never."""
 
     def is_pressed(self, message: Mapping[str, Any]) -> bool:
         return all(field_at(message, path) in values for path, values in self.when)
@@ -55,35 +55,35 @@ class RosOptions(Struct, frozen=True):
     """`[options]` of a profile whose driver is `ros2`."""
 
     frame: str = "base_link"
-    """The coordinate frame that `{@frame}` stands for."""
+    """The coordinate frame for `{@frame}`."""
     deadlines: GoalDeadlines = GoalDeadlines()
     error: dict[str, Any] = {}
     """`carrier.error` of every action without its own."""
     wrapper: str = ""
-    """The name under which a wrapper offers the actions of the profile `rise`; empty: there is none."""
+    """The name under which a wrapper offers the actions of the profile `rise`; empty: none."""
     leftovers: Literal["cancel", "keep"] = "cancel"
-    """What happens to goals that a killed engine left behind, if no wizard is there to decide."""
+    """The treatment of a killed engine's goals, if no wizard can decide."""
     unattended: Literal["wait", "go on"] = "wait"
     """Whether a recovered session moves the robot before a wizard has taken control."""
     share: tuple[str, ...] = ()
-    """Folders with the definitions of further interface packages, for the transport without ROS."""
+    """Folders with definitions of further interface packages, for the transport without ROS."""
     estop: EstopMapping | None = None
 
 
 class ResultRule(Struct, frozen=True):
-    """How a result shows that it is a failure (`carrier.error`)."""
+    """The rule by which a result is a failure (`carrier.error`)."""
 
     code: tuple[str, ...] = ()
     ok: tuple[int | bool | str, ...] = (0,)
     """The values of `code` that mean success; empty: the limits decide."""
     minimum: float = -inf
     maximum: float = inf
-    """The smallest and the largest number that means success."""
+    """The smallest and largest number that means success."""
     text: tuple[str, ...] = ()
     codes: dict[str, str] = {}
 
     def failure(self, result: Message) -> str:
-        """Why this result is a failure, whatever the goal's status says; empty when it is not one."""
+        """Why this result is a failure, whatever the goal's status; empty: it is none."""
         text = self.robot_text(result)
         if not self.code:
             return text
@@ -106,7 +106,7 @@ class ResultRule(Struct, frozen=True):
         return f"{name} is {code:g}, and a success is {' and '.join(limits)}"
 
     def why_not_succeeded(self, result: Message) -> str:
-        """The robot's explanation of a goal that did not succeed; empty when it gives none."""
+        """The robot's explanation of a goal that did not succeed; empty: none."""
         return self.failure(result) or self.robot_text(result)
 
     def robot_text(self, result: Message) -> str:
@@ -115,58 +115,57 @@ class ResultRule(Struct, frozen=True):
 
 
 class ActionMapping(Struct, frozen=True):
-    """The way of one action to the robot."""
+    """How one action reaches the robot."""
 
     kind: MappingKind
     name: str
-    """The name of the ROS action, the topic or the service, as written, not resolved yet."""
+    """The name of the ROS action, topic or service, as written, before it is resolved."""
     type: str
     """`rise_interfaces/action/Speech`; for a topic, a message type; for a service, `std_srvs/srv/Trigger`."""
     deadlines: GoalDeadlines
     message: MessageSource
-    """What fills the goal, the topic's message or the service's request."""
+    """The source of the goal, of the topic's message or of the service's request."""
     reset: MessageSource | None = None
-    """What is published when the action's time is over, or it is cancelled; None: nothing."""
+    """The message at the end of the action's time or at its cancel; None: none."""
     harmless: bool = False
-    """Whether it is safe that nothing can stop it (`unstoppable = true`)."""
+    """Whether it is safe although nothing can stop it (`unstoppable = true`)."""
     rate: float = 0.0
-    """Messages a second on a topic while the action lasts; 0: one message only."""
+    """Messages a second on a topic during the action; 0: only one message."""
     result_rule: ResultRule = ResultRule()
     unused_parameters: tuple[str, ...] = ()
-    """Parameters of the action that do not reach this robot, because it has no field for them."""
+    """Parameters of the action for which this robot has no field."""
     topic_qos: QoS = RELIABLE
     """For a topic: the quality of service of its publisher."""
     feedback_qos: QoS = RELIABLE
-    """For an action: the quality of service of its feedback ..."""
+    """For an action: the quality of service of its feedback."""
     status_qos: QoS = STATUS
-    """... and of its status."""
+    """For an action: the quality of service of its status."""
 
     @property
     def feedback_wanted(self) -> QoS | None:
-        """The quality of service for feedback; None: nobody needs feedback, so it would only cost processor time."""
+        """The quality of service for feedback; None: not needed, so it would only cost processor time."""
         return self.feedback_qos if self.deadlines.feedback else None
 
     @property
     def stoppable(self) -> bool:
-        """Whether any message can stop the robot. (Calls of services and messages without `reset` cannot be taken
-        back.)"""
+        """Whether a message can stop the robot. (Service calls and messages without `reset` cannot be taken back.)"""
         return self.kind == "action" or self.reset is not None
 
     @property
     def route(self) -> tuple[str, str, str]:
-        """What actions with the same way to the robot, one server or topic, have in common."""
+        """The server or topic, equal for all actions that share it."""
         return self.kind, self.name, self.type
 
     def make_message(self, parameters: Mapping[str, Any], *, node: str, goal: str, frame: str) -> Message:
-        """The present goal, topic message or service request for these parameters.
+        """Make the goal, topic message or service request for these parameters, with present values.
 
         `node` is the full name of the sending node, `goal` the kernel's name of the goal, `frame` the robot's frame.
-        Raises ValueError with a sentence when a value does not fit its field.
+        Raises ValueError with a sentence if a value does not fit its field.
         """
         return self.message.fill(_context(parameters, node, goal, frame))
 
     def make_reset(self, *, node: str = "", goal: str = "", frame: str = "") -> Message | None:
-        """The present `reset` message; None: nothing is published."""
+        """Make the `reset` message, with present values; None: there is none."""
         if self.reset is None:
             return None
         return self.reset.fill(_context({}, node, goal, frame))

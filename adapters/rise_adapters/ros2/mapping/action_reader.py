@@ -1,4 +1,4 @@
-"""Reads and checks one action's way to the robot: the table `carrier` of a profile's action."""
+"""Reads and checks the table `carrier` of a profile's action."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _QUALITY_KEYS = ("reliability", "durability", "depth")
 _RELIABILITY = {"reliable": True, "best_effort": False}
 _DURABILITY = {"volatile": False, "transient_local": True}
 _DEEPEST = 10_000
-"""The most messages that may be kept for one topic."""
+"""Maximum number of messages kept for one topic."""
 
 
 def parse_qos(table: Mapping[str, Any], kind: str, where: str, mistakes: ProfileMistakes) -> dict[str, QoS]:
-    """The quality of service by field of `ActionMapping`: `topic_qos`, or an action's `feedback_qos` and `status_qos`
-    (`kind`). Mistakes go into `mistakes`."""
+    """Read the quality of service of a topic or an action (`kind`), by field of `ActionMapping`. Errors go to
+    `mistakes`."""
     if kind == "topic":
         return {"topic_qos": _parse_quality(table, RELIABLE, where, mistakes)}
     usual = {FEEDBACK: RELIABLE, STATUS_TOPIC: STATUS}
@@ -82,7 +82,7 @@ _KINDS: dict[str, type | tuple[type, ...]] = {"integer": int, "boolean": bool, "
 def parse_result_rule(
     table: Mapping[str, Any], type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> ResultRule:
-    """`type`: of the result or a service's response; empty: unknown. Mistakes go into `mistakes` and are left out."""
+    """Read the rule for results. `type`: of the result or response; empty: unknown. Wrong entries go to `mistakes`."""
     mistakes.add_unknown_keys(where, table, _RESULT_KEYS)
     code, code_type = _read_field_path(table, "code", type, where, types, mistakes)
     text, text_type = _read_field_path(table, "text", type, where, types, mistakes)
@@ -187,12 +187,12 @@ _TYPES: dict[MappingKind, tuple[str, str]] = {
 _OF_ACTIONS = ("acceptance", "feedback", "cancel")
 """Deadlines of phases that a service does not have."""
 MAX_RATE = 100.0
-"""Messages a second."""
+"""Maximum messages a second."""
 _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name>[A-Z][A-Za-z0-9]*)\Z", re.ASCII)
 
 
 class ActionReader:
-    """Reads the carrier of one action, and collects all mistakes."""
+    """Reads the carrier of one action, and collects all errors."""
 
     def __init__(
         self,
@@ -210,7 +210,7 @@ class ActionReader:
         self._mistakes = mistakes
 
     def read(self) -> ActionMapping | None:
-        """The mapping; None when it is not even clear what carries the action."""
+        """Read the mapping; None: not even its kind is clear."""
         kind = self._read_kind()
         if kind is None:
             return None
@@ -250,7 +250,7 @@ class ActionReader:
         return replace(mapping, unused_parameters=unused, harmless=self._is_harmless(mapping))
 
     def _is_harmless(self, mapping: ActionMapping) -> bool:
-        """Whether the profile declares that an unstoppable action is safe. If it says nothing, that is a mistake."""
+        """Whether the profile declares an unstoppable action as safe. Without a declaration, that is an error."""
         if mapping.kind == "action":
             return False
         known = self._table.get("unstoppable", False)
@@ -308,7 +308,7 @@ class ActionReader:
         return "unknown"
 
     def _read_known_type(self, kind: MappingKind) -> str:
-        """The type on ROS; empty when it is not a type, or is not available here."""
+        """The type on ROS; empty: it is no type, or not available here."""
         type = self._read_type(kind)
         endings = {"action": ("_Goal", "_Result", "_Feedback"), "topic": ("",), "service": ("_Request", "_Response")}
         parts = [f"{type}{ending}" for ending in endings[kind]]
@@ -355,7 +355,7 @@ class ActionReader:
     def _read_reset(self, type: str) -> MessageSource | None:
         if "reset" not in self._table:
             return None
-        # The parameters are no longer known when it is sent, so it is compiled for an action without any.
+        # It is sent when the parameters are no longer known, so it is compiled for an action without parameters.
         nobody = replace(self._spec, parameters={})
         compiler = MessageCompiler(nobody, {}, self._types, self._mistakes, {})
         if self._table["reset"] == self._table.get("message"):
@@ -364,7 +364,7 @@ class ActionReader:
         return compiler.compile(self._read_table("reset"), type, self._path_of("reset"))
 
     def _read_table(self, key: str) -> dict[str, Any]:
-        """One of the carrier's tables; empty when it is missing."""
+        """Return one of the carrier's tables; empty: it is missing."""
         table = self._table.get(key, {})
         if isinstance(table, dict):
             return table

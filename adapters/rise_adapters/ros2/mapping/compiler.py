@@ -1,6 +1,6 @@
-"""Compiles a profile's tables for message fields into sources that fill them. All mistakes are found at once.
+"""Compiles a profile's tables for message fields into sources that fill them, and finds all errors together.
 
-If the type of the message is known, each field's value is checked against it; otherwise only everything else is.
+If the message's type is known, each field's value is checked against it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class ProfileMistakes:
         self._robot = robot
         self._found: dict[ProfileFinding, None] = {}
         self.place_keys: set[str] = set()
-        """The keys of places that some field uses."""
+        """The keys of places that are used by some field."""
 
     @property
     def found(self) -> list[ProfileFinding]:
@@ -66,7 +66,7 @@ class ProfileMistakes:
 
     @property
     def refusals(self) -> list[ProfileFinding]:
-        """The diagnostics for which a session with this robot would be refused."""
+        """The diagnostics that prevent a session with this robot."""
         return [each for each in self._found if each.refuses]
 
     def add(self, where: str, sentence: str, kind: ProfileFindingKind = "wrong") -> None:
@@ -95,7 +95,7 @@ class MessageCompiler:
         self._types = types
         self._mistakes = mistakes
         self.used_parameters: set[str] = set()
-        """Parameters that some field uses."""
+        """Parameters that are used by some field."""
 
     def compile(self, table: Mapping[str, Any], type: str, where: str) -> MessageSource:
         """Compile a message from a table of its fields; an empty `type` means any type."""
@@ -195,7 +195,7 @@ class MessageCompiler:
         self.used_parameters.add(parameter.name)
         if slot.function:
             check_quaternion(type, in_text=in_text)
-            flat = "0" if slot.key and slot.fallback is None else slot.fallback  # a place without an angle: not turned
+            flat = "0" if slot.key and slot.fallback is None else slot.fallback  # a place without an angle: no rotation
             inside = replace(slot, function="", unit=None if slot.key else "rad", fallback=flat)
             return YawSource(where, self._compile_parameter(inside, MessageFieldType("float64"), where, in_text=False))
         if slot.key:
@@ -221,7 +221,7 @@ class MessageCompiler:
         return ParameterConversion(parameter, dict(self._values.get(parameter.name, {})), type, factor, divisor)
 
     def _value_when_absent(self, slot: Placeholder, conversion: ParameterConversion, *, in_text: bool) -> Any:
-        """The field's value if the author gives none."""
+        """The field's value without the author's value."""
         parameter, type = conversion.parameter, conversion.type
         what, written = ("fallback", slot.fallback) if slot.fallback is not None else ("default", parameter.default)
         if special_fallback(slot) is not None or written is None:
@@ -248,7 +248,7 @@ class MessageCompiler:
 
 
 def _check_can_fill(conversion: ParameterConversion, type: MessageFieldType) -> None:
-    """Raise ValueError if the parameter can never fill the field, or not with each of its known names."""
+    """Raise ValueError if the parameter can never fill the field, or cannot with some of its names."""
     parameter = conversion.parameter
     if type.base == DURATION:
         if seconds_per_unit(parameter) is None:
@@ -275,7 +275,7 @@ def _check_can_fill(conversion: ParameterConversion, type: MessageFieldType) -> 
 
 
 def nest_dotted_keys(table: Mapping[str, Any], where: str, mistakes: ProfileMistakes) -> dict[str, Any]:
-    """A table of fields, with all dotted keys as nested tables."""
+    """Return a table of fields, with all dotted keys as nested tables."""
     result: dict[str, Any] = {}
     _nest_into(result, table, where, mistakes)
     return result

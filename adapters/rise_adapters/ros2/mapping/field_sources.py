@@ -1,5 +1,5 @@
-"""How an action's parameters fill the fields of a message. A carrier is checked and compiled once per session, so that
-making a goal's message is a walk over a small tree."""
+"""Sources that fill the fields of a message from an action's parameters. A carrier is checked and compiled once per
+session, so a goal's message is made by walking over a small tree."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FillContext(Struct, frozen=True):
     """The inputs of one message."""
 
     parameters: Mapping[str, Any]
-    """As the author gave them, without those left out."""
+    """As given by the author, without omitted ones."""
     specials: Mapping[str, str]
     now: int = 0
     """Nanoseconds since 1970."""
@@ -42,7 +42,7 @@ NO_VALUE = _NoValue()
 
 class FieldSource(Protocol):
     def fill(self, context: FillContext) -> Any:
-        """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot hold it."""
+        """Return the value of a field, or NO_VALUE. Raises ValueError with a sentence if the field cannot hold it."""
         ...
 
 
@@ -71,7 +71,7 @@ class ListSource(Struct, frozen=True):
 
     items: tuple[FieldSource, ...]
     zero: Any = NO_VALUE
-    """The value for an item without one; NO_VALUE: it is left out."""
+    """The value of an item without one; NO_VALUE: it is omitted."""
     as_bytes: bool = False
 
     def fill(self, context: FillContext) -> Any:
@@ -88,9 +88,9 @@ class ParameterSource(Struct, frozen=True):
     """The field's path, for messages."""
     conversion: ParameterConversion
     absent: Any = NO_VALUE
-    """The field's value if the author gives none."""
+    """The field's value without the author's value."""
     special: str | None = None
-    """The special value that the field then gets, if any."""
+    """The special value for that case, if any."""
 
     def fill(self, context: FillContext) -> Any:
         conversion = self.conversion
@@ -165,12 +165,12 @@ class ParameterConversion(Struct, frozen=True):
     divisor: float = 1.0
 
     def to_named_value(self, value: Any) -> Any:
-        """The value by its name instead of its number, and by the robot's own word if it has one."""
+        """Return the value by its name instead of its number, and in the robot's own word if it has one."""
         value = self._to_name(value)
         return self.values.get(spoken_text(value), value) if self.values and value is not None else value
 
     def to_field_value(self, value: Any) -> Any:
-        """The field's value. Raises ValueError with what the field takes instead."""
+        """Return the field's value. Raises ValueError with the values that the field accepts."""
         value = self._to_name(value)
         if self.values and (word := spoken_text(value)) in self.values:
             return fit_literal(self.values[word], self.type)
@@ -198,7 +198,7 @@ class ParameterConversion(Struct, frozen=True):
 
 
 def fit_literal(value: Any, type: MessageFieldType | None) -> Any:
-    """A plain value of the profile for a field. Raises ValueError with what the field takes."""
+    """Return a plain value of the profile for a field. Raises ValueError with the values that the field accepts."""
     if type is None:
         return value
     if type.base == DURATION:

@@ -1,4 +1,4 @@
-"""What a field of a ROS message can hold: its type in ROS's form, and the valid values (docs/reference/robots.md)."""
+"""The types of fields of ROS messages, and their valid values (docs/reference/robots.md)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
 """The largest number of each type."""
 _TEXTS = ("string", "wstring")
 _NEARLY = 1e-9
-"""The relative error with which a number counts as whole: 0.3 s in ms is 300, in spite of binary rounding."""
+"""Relative error within which a number counts as whole: 0.3 s in ms is 300, in spite of binary rounding."""
 
 
 class MessageFieldType(InterfaceFieldType, frozen=True):
@@ -67,25 +67,25 @@ def parse_field_type(text: str) -> MessageFieldType:
 
 
 class FieldTypes:
-    """The fields of message types, each requested once. Without `fields` (no transport yet), no type is known."""
+    """The fields of message types, each requested once. Without `fields` (no transport yet), all types are unknown."""
 
     def __init__(self, fields: ReadFields | None) -> None:
         self._fields = fields
         self._known: dict[str, dict[str, MessageFieldType] | str] = {}
 
     def fields_of(self, type: str) -> dict[str, MessageFieldType] | None:
-        """The fields of a type; None: it is unknown, and `missing` may say why."""
+        """The fields of a type; None: unknown, and `why_unknown` may give the reason."""
         known = self._look_up(type)
         return known if isinstance(known, dict) else None
 
     def why_unknown(self, type: str) -> str:
-        """Why a type is unknown, as a sentence; empty when it is known, and when no types are available at all."""
+        """Why a type is unknown, in a sentence; empty: it is known, or no types are available."""
         known = self._look_up(type)
         return known if isinstance(known, str) else ""
 
     def find(self, type: str, path: Sequence[str]) -> MessageFieldType | None:
-        """The type of a message's field, or of a nested one; None: types are unknown here. Raises ValueError when it
-        does not exist, or cannot be checked."""
+        """The type of a message's field, or of a nested one; None: types are unknown here. Raises ValueError if the
+        field does not exist or cannot be checked."""
         inside = MessageFieldType(type)
         for name in path:
             fields = self.fields_of(inside.base)
@@ -113,7 +113,7 @@ class FieldTypes:
 
 
 def fit_value(value: Any, field: MessageFieldType) -> Any:
-    """One plain value in the field's form (`field` is not a message). Raises ValueError with what the field takes."""
+    """Convert one plain value for the field (not a message). Raises ValueError with the accepted values."""
     fitted: Any
     match field.kind:
         case "integer":
@@ -130,7 +130,7 @@ def fit_value(value: Any, field: MessageFieldType) -> Any:
 
 
 def duration_message(seconds: float) -> dict[str, int]:
-    """A `builtin_interfaces/msg/Duration`. Raises ValueError for a time that is too long for it."""
+    """Return a `builtin_interfaces/msg/Duration`. Raises ValueError for a time that is too long."""
     if not math.isfinite(seconds) or not -(2**31) <= seconds < 2**31:
         raise ValueError(f"takes a time of at most 68 years, and {seconds:g} s is more")
     whole, nanoseconds = divmod(round(seconds * 1_000_000_000), 1_000_000_000)
@@ -156,7 +156,7 @@ def describe_field_type(field: MessageFieldType) -> str:
 
 
 def describe_value(value: Any) -> str:
-    """A value in a sentence, always short."""
+    """Describe a value in a sentence, always briefly."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -30,7 +30,7 @@ _OF_TOPIC = ("topic", "type", "when", "silent_after")
 
 
 def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> EstopMapping | None:
-    """The emergency stop of `options.estop`; None when it is not usable. Mistakes go into `mistakes`."""
+    """Read the emergency stop of `options.estop`; None: not usable. Errors go to `mistakes`."""
     if not isinstance(table, dict) or ("topic" in table) == ("service" in table):
         mistakes.add(WHERE, 'is a table with a `topic` or a `service`: { topic = "/estop", type = ..., when = ... }')
         return None
@@ -62,7 +62,7 @@ def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> Est
 
 
 def _flatten(table: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """The values by the path of each field: `{ a.b = 1 }` and `{ "a.b" = 1 }` are the same."""
+    """The values by the path of each field: `{ a.b = 1 }` and `{ "a.b" = 1 }` are equal."""
     for key, value in table.items():
         path = (*before, *key.split("."))
         if isinstance(value, dict):
@@ -74,7 +74,7 @@ def _flatten(table: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator
 def _read_values(
     path: tuple[str, ...], written: Any, type: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> tuple[Any, ...]:
-    """One value or a list of values, in the field's form."""
+    """Read one value or a list of values for the field."""
     values = tuple(written) if isinstance(written, list) else (written,)
     try:
         field = types.find(type, path)
@@ -98,7 +98,7 @@ def parse_options(
     mistakes: ProfileMistakes,
     types: FieldTypes = FieldTypes(None),  # noqa: B008
 ) -> RosOptions:
-    """The profile's `[options]`. Mistakes go into `mistakes` and are left out."""
+    """Read the profile's `[options]`. Errors go to `mistakes` and are omitted."""
     known = [field.name for field in struct_fields(RosOptions)]
     for key in profile.options:
         if key not in known:
@@ -138,7 +138,7 @@ def parse_options(
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
-    """The deadlines from a table of seconds; deadlines that it does not name stay as `before`."""
+    """Read deadlines from a table of seconds. Deadlines that are not in the table stay as `before`."""
     if not isinstance(table, dict):
         mistakes.add(where, "is a table of seconds: { acceptance = 2 }")
         return before

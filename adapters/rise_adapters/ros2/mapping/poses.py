@@ -38,7 +38,7 @@ _POSES: dict[str, dict[str, Any]] = {
 
 
 def pose_fields(type: str, parameter: str) -> dict[str, Any] | None:
-    """The message fields for a place, as a carrier would write them; None: the type is not for places."""
+    """The message fields for a place, as in a carrier; None: the type is not for places."""
     table = _POSES.get(type)
     return None if table is None else _insert(table, parameter)
 
@@ -91,7 +91,7 @@ class YawSource(Struct, frozen=True):
 
 
 def check_quaternion(type: MessageFieldType | None, *, in_text: bool) -> None:
-    """Check that the field can hold a quaternion. Raises ValueError with a sentence when it cannot."""
+    """Check that the field can hold a quaternion. Raises ValueError with a sentence if not."""
     if in_text or (type is not None and (type.is_list or type.base != QUATERNION)):
         takes = "is a text" if in_text or type is None else f"takes {describe_field_type(type)}"
         raise ValueError(f"{takes}, and @yaw gives a {QUATERNION}")
@@ -107,7 +107,7 @@ class PlaceSource(Struct, frozen=True):
     parameter: Parameter
     key: str
     values: dict[str, Any]
-    """By the place's name; places without that value are left out."""
+    """By the place's name; places without that value are omitted."""
     places: frozenset[str]
     absent: Any
     special: str | None
@@ -130,8 +130,8 @@ def compile_place_value(
     type: MessageFieldType | None,
     where: str,
 ) -> PlaceSource:
-    """The source for a place's value. Raises ValueError with a sentence when the parameter names no places, the field
-    cannot hold the value, or it may have no value at all: the robot would be sent to the origin."""
+    """Return the source for a place's value. Raises ValueError with a sentence if the parameter names no places, the
+    field cannot hold the value, or a value may be missing: the robot would be sent to the origin."""
     if not parameter.place:
         raise ValueError(
             f"has `{{{slot.name}.{slot.key}}}`, and `{slot.name}` names no places; declare it with `place = true`"

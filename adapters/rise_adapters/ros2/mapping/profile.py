@@ -1,4 +1,4 @@
-"""Reads and checks everything in a profile about ROS: its options, and the mapping of each action."""
+"""Reads and checks a profile's statements about ROS: its options, and the mapping of each action."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STANDARD = "rise/robot"
 
 
 def read_options(profile: RobotProfile) -> RosOptions:
-    """The profile's `[options]`. Raises PortError."""
+    """Read the profile's `[options]`. Raises PortError."""
     mistakes = ProfileMistakes(profile.name)
     options = parse_options(profile, mistakes)
     if mistakes.refusals:
@@ -36,10 +36,10 @@ def read_options(profile: RobotProfile) -> RosOptions:
 def read_mappings(
     profile: RobotProfile, fields: ReadFields | None = None, *, actions: Collection[str] | None = None
 ) -> dict[str, ActionMapping]:
-    """The mapping of every action that the robot itself carries out, by name.
+    """Read the mapping of every action that the robot itself carries out, by name.
 
     `fields` is `Transport.fields`; without it, types are not checked, but everything else is. `actions`: only these
-    actions. Raises PortError with all mistakes.
+    actions. Raises PortError with all errors.
     """
     mappings, mistakes = _read(profile, fields, actions)
     if mistakes.refusals:
@@ -53,7 +53,7 @@ def mapping_findings(profile: RobotProfile, fields: ReadFields | None = None) ->
 
 
 def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) -> list[str]:
-    """The reasons for which a session would be refused, as sentences; empty when the profile can be used."""
+    """The reasons that prevent a session, in sentences; empty: the profile can be used."""
     return [each.sentence for each in _read(profile, fields, None)[1].refusals]
 
 
@@ -76,13 +76,13 @@ def _read(
 
 
 def with_all_carriers(profile: RobotProfile) -> RobotProfile:
-    """The profile with a carrier in every action, including those from `options.wrapper` and `options.error`."""
+    """Return the profile with a carrier in every action, including those from `options.wrapper` and `options.error`."""
     options = parse_options(profile, ProfileMistakes(profile.name))
     return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
 
 
 def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
-    """Note the keys of places that no carrier uses, if carriers use any: they may be slips."""
+    """Report the keys of places that no carrier uses, if any carrier uses places: they may be typing errors."""
     taken = mistakes.place_keys
     for name, place in profile.places.items() if taken else ():
         for key in place:
@@ -93,9 +93,8 @@ def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
 def _check_shared(
     name: str, mappings: Mapping[str, ActionMapping], specs: Mapping[str, ActionSpec], mistakes: ProfileMistakes
 ) -> None:
-    """Check that actions with the same route want the same quality of service, because they share a subscription or
-    publisher, and the same reset, because only the last message on a topic is taken back. `name`: the action that was
-    read last."""
+    """Check that actions with the same route request the same quality of service and the same reset. They share a
+    subscription or publisher, and only the last message on a topic is taken back. `name`: the last action."""
     mapping = mappings[name]
     for other, before in mappings.items():
         if other == name or before.route != mapping.route:
@@ -119,7 +118,7 @@ def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
 
 
 def _write_out_carrier(spec: ActionSpec, options: RosOptions) -> ActionSpec:
-    """The action with its carrier, even if that comes from its wrapper; unchanged without one."""
+    """Return the action with its carrier, perhaps from its wrapper; unchanged without one."""
     carrier = spec.carrier
     standard = _standard_carriers().get(spec.name)
     if not carrier and options.wrapper and standard is not None and _is_done_by_itself(spec):

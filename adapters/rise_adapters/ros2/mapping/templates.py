@@ -36,21 +36,20 @@ _SIZES = {
     "length": {"mm": 1.0, "cm": 10.0, "m": 1000.0},
     "part": {"%": 1.0, "": 100.0},
 }
-"""Units that can be converted into each other, by quantity; the smallest is 1. A number without a unit is a fraction of
-one, so 0.8 is 80 %."""
+"""Convertible units by quantity; the smallest is 1. A number without a unit is a fraction of one, so 0.8 is 80 %."""
 
 
 class Placeholder(Struct, frozen=True):
-    """A place for a parameter, or for a special: a text that the session knows (`@frame`, `@goal`, ...)."""
+    """The place of a parameter, or of a special: a text that the session knows (`@frame`, `@goal`, ...)."""
 
     name: str
     special: bool = False
     unit: str | None = None
-    """The unit that the field needs."""
+    """The unit of the field."""
     fallback: str | None = None
-    """The value if the author gives none: in the author's form, or `@` and a special."""
+    """The value without the author's value: in the author's form, or `@` and a special."""
     key: str = ""
-    """The key of the parameter's place whose value goes here."""
+    """The key of the parameter's place whose value is inserted."""
     function: str = ""
     """The function that is applied to the value (FUNCTIONS); empty: none."""
 
@@ -117,7 +116,7 @@ def special_fallback(slot: Placeholder) -> str | None:
 
 
 def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
-    """A factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError."""
+    """Return a factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError."""
     if parameter.type not in ("number", "integer"):
         raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is no number")
     for sizes in _SIZES.values():
@@ -134,6 +133,6 @@ def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
 
 
 def seconds_per_unit(parameter: Parameter) -> float | None:
-    """The seconds in one unit of the parameter; None when it is not a time."""
+    """The seconds in one unit of the parameter; None: it is no time."""
     size = _SIZES["time"].get(parameter.unit) if parameter.type in ("number", "integer") else None
     return None if size is None else size / 1e9

@@ -5,11 +5,11 @@
        +-- server-missing           +-- rejected        +-- lost, timed-out, aborted, cancel-refused, ...
            two-servers              +-- no-accept
 
-A goal that has ended for the engine may still run on the robot, or begin there: it was not answered, was accepted too
-late, or its cancel was refused. Such a goal is *open*. It is remembered under its id and cancelled as soon as the
-server can be reached. Its server gets nothing else, and further messages about it are noted. It is over when the server
-reports its ending, rejects it, or has forgotten it after accepting it. If the server never answered it, an unknown goal
-proves nothing, unless another program than the one that it was sent to now answers.
+A goal that has ended for the engine may still run on the robot, or begin there: the server did not answer, accepted it
+too late, or refused its cancel. Such a goal is *open*. It is cancelled as soon as the server can be reached. Its server
+gets no other goal, and later messages about it are noted. It is over when the server reports its ending, rejects it, or
+has forgotten it after accepting it. A server that never answered may not know the goal yet. That ends it only if a
+different program answers now.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from rise_engine.kernel.commands import StartAction
 _LOG = logging.getLogger(__name__)
 
 MAX_SENDS = 3
-"""The most times that a goal is sent if its server disappears before it answers. The goal keeps its id, so that a
-server that already has it rejects it."""
+"""Maximum sends, if a goal's server disappears before it answers. A server that knows the goal's id rejects a
+repetition."""
 
 
 class ActionGoal:
@@ -59,7 +59,7 @@ class ActionGoal:
         message: Message,
         limit: float,
     ) -> None:
-        """`limit`: seconds until the kernel gives the goal up."""
+        """:param limit: seconds until the kernel gives up the goal."""
         self.id = bytes.fromhex(goal.goal) if goal.goal else uuid4().bytes
         self.action = goal.action
         self.type = goal.type
@@ -77,34 +77,34 @@ class ActionGoal:
         """The deadline of the present phase."""
         self._sends = 0
         self._answers = 0
-        """How often the server accepted or rejected the goal."""
+        """How many times the server accepted or rejected the goal."""
         self._accepted: bool | None = None
         """Whether the server accepted it; None: no answer yet."""
         self._sent_to: frozenset[bytes] = frozenset()
-        """The programs that offered the action when it was sent."""
+        """The programs that offered the action at the time of sending."""
         self._disowned_by = -1
-        """The servers (`ServerPresence.changes`) of which the only one does not know it."""
+        """The value of `ServerPresence.changes` when the only server did not know the goal."""
         self._is_adopted = False
-        """Whether an earlier engine has sent it, or somebody unknown ..."""
+        """Whether an earlier engine or an unknown client sent it."""
         self.is_unknown = self.is_released = False
         self._may_cancel = True
-        """... in which case it is stopped only on request."""
+        """Whether this engine may cancel it. An adopted goal is cancelled only on request."""
         self._began_late = False
         self._heard_at = 0.0
-        """Its last sign of life."""
+        """The time of its last sign of life."""
         self._result = ResultQuery()
         self.cancellation = Cancellation(mapping.deadlines.cancel)
         self._ending: Ending | None = None
         self._ended_at = 0.0
         self._noted: set[tuple[str, str]] = set()
-        """What was already noted: a server that repeats itself is reported once."""
+        """Notes that were already reported: a repeated message is reported once."""
 
     # --- from the engine ----------------------------------------------------------------------------------------
 
     def adopt(self, *, accepted: bool, unknown: bool = False) -> None:
-        """Take over a goal that an earlier engine has sent, and that has ended for the session.
+        """Take over an open goal of an earlier engine.
 
-        :param unknown: it ran before the session, and who sent it is not known.
+        :param unknown: whether it ran before the session, sent by an unknown client.
         """
         self.is_unknown = unknown
         self.phase, self._ending = "ended", "lost"
@@ -117,8 +117,8 @@ class ActionGoal:
             self._ask_result()
 
     def cancel(self) -> None:
-        """Stop the goal. If it was not sent yet, that ends it; otherwise the server is asked as soon as it has accepted
-        it. For a goal that has ended here and may still run there, the server is asked again."""
+        """Stop the goal. One that was not sent ends immediately; otherwise its server is asked, as soon as it has
+        accepted it."""
         cancellation = self.cancellation
         if self.phase == "ended" and self.may_be_running:
             self._may_cancel = True
@@ -232,14 +232,14 @@ class ActionGoal:
                 self._ask_result()
 
     def _silent_at(self) -> float:
-        """When its silence counts as a failure."""
+        """When silence counts as a failure."""
         expected = self._mapping.deadlines.feedback
         return self._heard_at + expected if expected and not self.cancellation.wanted else inf
 
     # --- from the robot as a whole ------------------------------------------------------------------------------
 
     def on_server_gone(self) -> None:
-        """Note that nothing offers the action any more. We cannot tell what still runs there."""
+        """Note that no server offers the action any more. What still runs there is unknown."""
         name = self.endpoint.name
         if self.phase == "sent":
             self._deadline = self._waiting.until
@@ -253,7 +253,7 @@ class ActionGoal:
             self._end("lost", f"server-gone: what offered {name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """Check, after the number of servers has changed, whether it was restarted, and which server has the goal."""
+        """After a change in the number of servers, check which server has the goal, and whether one was restarted."""
         if self.phase == "running" or (self.phase == "ended" and self.may_be_running and not self._may_cancel):
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
@@ -267,11 +267,11 @@ class ActionGoal:
     # --- from the wire ------------------------------------------------------------------------------------------
 
     def take_feedback(self) -> None:
-        """Note a sign of life. Feedback changes nothing else."""
+        """Note a sign of life. Feedback has no other effect."""
         self._heard_at = self._now()
 
     def take_status(self, statuses: Mapping[bytes, int]) -> None:
-        """Take in the server's status of its goals."""
+        """Process the server's status of its goals."""
         status = statuses.get(self.id)
         now = self._now()
         if status is None:
@@ -315,7 +315,7 @@ class ActionGoal:
             self._end("failed", f"not-sent: {error}")
 
     def _take_answer(self, number: int, accepted: bool) -> None:
-        """Take in whether the server accepts the goal that was sent for the `number`-th time."""
+        """Process whether the server accepted the goal, sent for the `number`-th time."""
         name = self.endpoint.name
         self._answers += 1
         if self._answers > self._sends:
@@ -324,7 +324,7 @@ class ActionGoal:
             if accepted:
                 self._accept()
             elif number > 1:
-                # The server that had disappeared may be the same one, which has the goal and refuses the second one.
+                # A server that only seemed to disappear has the goal already, and rejects the repetition.
                 self._end("failed", f"rejected: {name} refused it when it was sent again")
             else:
                 self._accepted = False
@@ -338,7 +338,7 @@ class ActionGoal:
                 self._mark_over()
 
     def _is_unanswered(self) -> bool:
-        """Whether it was sent and the server has not accepted or rejected it. (The server may be gone by now.)"""
+        """Whether it was sent, and the server (which may be gone) has neither accepted nor rejected it."""
         return self.phase == "sent" or (self.phase == "waiting" and self._sends > 0)
 
     def _accept(self) -> None:
@@ -380,7 +380,7 @@ class ActionGoal:
         self._host.on_goal_changed(self)
 
     def _take_result(self, servers: int, status: int, message: Message) -> None:
-        """Take in a result. `servers`: those that existed at the request (`ServerPresence.changes`)."""
+        """Process a result. `servers`: `ServerPresence.changes` at the request."""
         if self._result.receive():
             self._note_once("duplicate", f"the result of {self.action} came twice; the second one is ignored", "result")
         if self.phase == "ended":
@@ -407,8 +407,7 @@ class ActionGoal:
             self._mark_over()
 
     def _note_unknown(self, servers: int) -> bool:
-        """Note that the server does not know the goal. Returns whether it is over because of that. `servers`: those of
-        that time."""
+        """Note that the server does not know the goal. Returns whether that ends it. `servers`: as at the request."""
         presence = self.endpoint.presence
         if presence.count != 1 or presence.changes != servers or not self._are_all_found():
             return False  # another server may have it
@@ -418,15 +417,15 @@ class ActionGoal:
         return self._accepted is not None or was_replaced
 
     def _are_all_found(self) -> bool:
-        """Whether the last look has found the servers that are there now."""
+        """Whether the last poll found all present servers."""
         return self.endpoint.client.count_servers() == self.endpoint.presence.count
 
     def _take_unknown_goal(self, servers: int) -> None:
-        """The server does not know the goal: it was restarted, or keeps no results. In the second case its status topic
-        reports the ending, perhaps a moment later."""
+        """Handle a server that does not know the goal. If it only keeps no results, its status topic soon reports the
+        end."""
         presence = self.endpoint.presence
         if presence.changes != servers or not self._are_all_found():
-            return  # those that are there now have been asked since, or are when the next look has found them
+            return  # the present servers were asked since, or are after the next poll
         if self._result.finished_as != UNKNOWN:
             self._end_discarded()
         elif presence.count > 1:
@@ -437,13 +436,13 @@ class ActionGoal:
             self._host.on_goal_changed(self)
 
     def _end_discarded(self) -> None:
-        """End the goal: it is over on the server, and its result is lost."""
+        """End the goal: it has ended on the server, and its result is lost."""
         self._result.taken = True
         status, wanted = self._result.finished_as, self.cancellation.wanted
         self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted), is_over=True)
 
     def _end_without_result(self) -> None:
-        """End the goal: the status topic has reported its ending, but the result does not arrive."""
+        """End the goal: the status topic reported its ending, but no result arrives."""
         status = self.endpoint.client.statuses.get(self.id)
         ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self.cancellation.wanted)
         self._end(*ending, is_over=ending[0] != "timed-out")
@@ -454,7 +453,7 @@ class ActionGoal:
         presence, cancellation = self.endpoint.presence, self.cancellation
         cancellation.start_over_for(presence.changes)
         if not presence.count:
-            cancellation.pause()  # `on_server_changed` follows when it is back
+            cancellation.pause()  # `on_server_changed` follows when it returns
         else:
             if self.phase == "ended" and cancellation.tries >= MAX_TRIES:
                 self._note_once(
@@ -470,7 +469,7 @@ class ActionGoal:
         self._host.on_goal_changed(self)
 
     def _take_cancel_answer(self, servers: int, answer: CancelResponse) -> None:
-        """Take in the answer to a cancel. `servers`: those that existed at the request (`ServerPresence.changes`)."""
+        """Process the answer to a cancel. `servers`: `ServerPresence.changes` at the request."""
         if self.id in answer.goals:
             self.cancellation.confirm()
             self.cancellation.pause()
@@ -481,7 +480,7 @@ class ActionGoal:
                 self._note_once("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
         elif self.phase == "ended":  # the server does not have it, or the goal is over
             if answer.code == CANCEL_TERMINATED:
-                # rcl also answers this for a goal that it is already cancelling. Only its status or result tells.
+                # rcl also gives this answer while it cancels the goal. Only its status or result shows which.
                 self.cancellation.pause()
                 if self.endpoint.client.statuses.get(self.id) in FINAL_STATUSES:
                     self._mark_over()
@@ -490,16 +489,16 @@ class ActionGoal:
             elif self._note_unknown(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers and self._are_all_found():
-                self.cancellation.pause()  # until it answers, or other servers appear (`on_server_changed`)
+                self.cancellation.pause()  # until it answers, or `on_server_changed`
         elif self.phase == "running":
             self.cancellation.pause()
-            self._ask_result()  # it has ended or was forgotten: a result tells both
+            self._ask_result()  # it ended or was forgotten: the result shows both
         self._host.on_goal_changed(self)
 
     # --- the end ------------------------------------------------------------------------------------------------
 
     def _end(self, status: Ending, reason: str, *, is_over: bool = False) -> None:
-        """End the goal. Only this method does so. `is_over`: certainly nothing of it still runs on the robot."""
+        """End the goal. Nothing else ends it. `is_over`: nothing of it can still run on the robot."""
         assert self.phase != "ended"
         self.may_be_running = self.may_be_running and not is_over
         self.phase = "ended"
@@ -518,7 +517,7 @@ class ActionGoal:
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
-        """Note that nothing of it still runs on the robot."""
+        """Note that nothing of it runs on the robot any more."""
         self.may_be_running = False
         self.cancellation.pause()
         self._host.on_goal_changed(self)

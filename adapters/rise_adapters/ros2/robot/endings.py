@@ -1,8 +1,7 @@
-"""How an action at a server ends: exactly one ending and its reason for everything that can arrive on the wire.
+"""The one ending of an action at a server, with its reason, for everything that can arrive.
 
-A reason begins with a word that programs can search for (docs/explanation/ros2.md, "Nothing is lost on the way to the
-robot"), and continues with a sentence for the people who run the study. Only `ResultQuery` and `Cancellation` have a
-state.
+A reason begins with a word for programs (docs/explanation/ros2.md, "Nothing is lost on the way to the robot"). A
+sentence for the people who run the study follows. Only `ResultQuery` and `Cancellation` have a state.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from rise_adapters.ros2.transport.port import Message
 # --- asking for a result ----------------------------------------------------------------------------------------------
 
 REPEAT_SECONDS = 5.0
-"""Seconds after which a running goal's result is requested again. A server that was restarted unnoticed then answers
-immediately that it does not know the goal."""
+"""Seconds between requests for a running goal's result. A server that was restarted unnoticed does not know the
+goal."""
 DOUBT_SECONDS = 1.0
-"""The same if there is a reason for doubt."""
+"""The shorter interval if there is a reason for doubt."""
 UNKNOWN_GRACE = 0.3
-"""Seconds that the status topic may need to report the ending of a goal whose result the server has discarded."""
+"""Seconds that the status topic may take to report the ending of a goal whose result was discarded."""
 
 
 class ResultQuery:
@@ -35,11 +34,11 @@ class ResultQuery:
 
     def __init__(self) -> None:
         self.requests = 0
-        """The number of requests ..."""
+        """The number of requests."""
         self.responses = 0
-        """... and of answers."""
+        """The number of answers."""
         self.taken = False
-        """Whether a result was processed; further ones are duplicates."""
+        """Whether a result was processed. Further ones are duplicates."""
         self.finished_as = UNKNOWN
         """The goal's final status on the status topic; UNKNOWN: none yet."""
         self.missing_at = inf
@@ -64,30 +63,30 @@ class ResultQuery:
         self.missing_at = now + RESULT_GRACE
 
     def disown(self, now: float) -> None:
-        """Note that the server does not know the goal. A moment later it is decided what this means."""
+        """Note that the server does not know the goal. UNKNOWN_GRACE later the goal is judged."""
         self.discarded_at = now + UNKNOWN_GRACE
 
     def is_due(self, now: float) -> bool:
         return now >= self._requested_at + REPEAT_SECONDS
 
     def may_doubt(self, now: float) -> bool:
-        """Whether the last request is old enough for another one when something seems to be wrong."""
+        """Whether the last request is old enough to repeat it when something seems wrong."""
         return now >= self._requested_at + DOUBT_SECONDS
 
     def next_deadline(self) -> float:
-        """The next time to ask again, or to stop asking."""
+        """The next time to ask again, or to give up."""
         return min(self._requested_at + REPEAT_SECONDS, self.missing_at, self.discarded_at)
 
 
 # --- stopping a goal --------------------------------------------------------------------------------------------------
 
 RETRY_SECONDS = 1.0
-"""Seconds between unsuccessful requests to cancel."""
+"""Seconds between failed requests to cancel."""
 MAX_TRIES = 5
-"""The number of requests in quick succession; after them the server is asked every SLOW_RETRY_SECONDS."""
+"""The number of requests at short intervals. Then the server is asked every SLOW_RETRY_SECONDS."""
 SLOW_RETRY_SECONDS = 5.0
 OVERDUE_SECONDS = 1.0
-"""Seconds before a goal's time limit. From then on a cancel counts as the kernel's, which has recorded an ending."""
+"""Seconds before a goal's time limit. A later cancel counts as the kernel's, which has already recorded an ending."""
 
 
 class Cancellation:
@@ -99,21 +98,21 @@ class Cancellation:
         self.wanted = False
         """Whether the engine has requested it."""
         self.overdue = False
-        """Whether it did so because the goal's time was over."""
+        """Whether it did so because the goal's time limit was over."""
         self.deadline = inf
         """The time by which the goal must have ended."""
         self.next_try = inf
         """The time of the next request to the server."""
         self.tries = 0
         self.confirmed = False
-        """Whether the server has confirmed that it cancels the goal, on anybody's request."""
+        """Whether the server has confirmed that it cancels the goal, for any client."""
         self.refused_at: float | None = None
         """When the server first refused to stop the goal."""
         self._servers = -1
-        """The servers (`ServerPresence.changes`) that `tries` counts for."""
+        """The value of `ServerPresence.changes` that `tries` belongs to."""
 
     def request(self, now: float, limit: float) -> None:
-        """Note the engine's request. `limit`: when the kernel gives the goal up."""
+        """Note the engine's request. `limit`: when the kernel gives up the goal."""
         self.wanted = True
         self.overdue = now >= limit - OVERDUE_SECONDS
         self.deadline = now + self.seconds
@@ -138,8 +137,8 @@ class Cancellation:
         self.refused_at = None
 
     def refuse(self, now: float) -> bool:
-        """Note a refusal. The same answer may also mean that the server is already stopping the goal, or that the goal
-        has just ended. True only when the server repeats it a while later: only then has it refused."""
+        """Note a refusal, and return whether it counts: only a later repetition does. The first may mean that the goal
+        is stopping or has just ended."""
         if self.refused_at is None:
             self.refused_at = now
             return False
@@ -149,7 +148,7 @@ class Cancellation:
 _LOG = logging.getLogger(__name__)
 
 RESULT_GRACE = 2.0
-"""Seconds that a result may come after the status topic has said that the goal is over."""
+"""Seconds that a result may arrive after the status topic has reported the end."""
 _NO_RESULT = f"and its result did not come within {RESULT_GRACE:g} s"
 
 Outcome: TypeAlias = tuple[Ending, str]
@@ -157,7 +156,7 @@ Outcome: TypeAlias = tuple[Ending, str]
 
 
 def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The ending from a server's result. `status`: SUCCEEDED, CANCELED or ABORTED; `name`: the action's name on ROS."""
+    """The ending for a server's result. `status`: SUCCEEDED, CANCELED or ABORTED; `name`: the action's name on ROS."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
@@ -171,13 +170,13 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
 
 
 def of_response(response: Message, mapping: ActionMapping, name: str) -> Outcome:
-    """The ending from a service's answer."""
+    """The ending for a service's answer."""
     wrong = _read(mapping.result_rule.failure, response, name)
     return ("failed", f"robot-error: {wrong}") if wrong else ("succeeded", "")
 
 
 def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
-    """The ending of a call that should stop, which no service supports. `is_overdue`: its time was over."""
+    """The ending of a cancelled service call: no service supports that. `is_overdue`: its time limit was over."""
     what = f"nothing stops a call of {name}; the robot may go on until it answers"
     return ("timed-out", f"no-result: {what}") if is_overdue else ("canceled", f"unstoppable: {what}")
 
@@ -188,12 +187,12 @@ def is_overdue(now: float, limit_at: float) -> bool:
 
 
 def of_late_start(seconds: float) -> Outcome:
-    """The ending when everything is there, but the session stood still until `seconds` after the deadline."""
+    """The ending if a standstill of the session delayed a possible start until `seconds` after the deadline."""
     return "failed", f"standstill: the session stood still, and it would have begun {seconds:.0f} s too late"
 
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
-    """The ending when the server did not answer the goal within `seconds`; None: it should have stopped before that."""
+    """The ending if the server did not answer the goal within `seconds`; None: the goal was cancelled before that."""
     what = f"it was asked to stop, and {name} had not accepted it yet"
     if seconds is not None:
         what = f"{name} did not say within {seconds:g} s whether it accepts it"
@@ -205,13 +204,13 @@ def of_silence(name: str, seconds: float) -> Outcome:
 
 
 def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
-    """The ending when the action takes longer than allowed. `expected` and `grace` are in seconds."""
+    """The ending if the action takes longer than allowed. `expected` and `grace` are in seconds."""
     what = f"it should have taken {expected:.1f} s, and {name} had not ended it {grace:g} s later"
     return "timed-out", f"no-result: {what}"
 
 
 def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The ending when the status topic has reported the end (as `status`), but the result does not arrive."""
+    """The ending if the status topic reported the end (as `status`), but no result arrives."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it, {_NO_RESULT}"
     if status == ABORTED:
@@ -220,7 +219,7 @@ def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> 
 
 
 def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The ending when the server no longer knows the goal. `status`: the final status on its status topic, if any."""
+    """The ending if the server no longer knows the goal. `status`: the final status on its status topic, if any."""
     gone = f"{name} did not keep its result (its result_timeout is too short)"
     if status == SUCCEEDED and cancel_wanted:
         return "succeeded", f"succeeded-during-cancel: {gone}"
@@ -234,12 +233,12 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
 
 
 def of_restart(name: str) -> Outcome:
-    """The ending when the server does not know the goal, and reports nothing else."""
+    """The ending if the server does not know the goal and reports nothing else."""
     return "lost", f"server-restarted: {name} no longer knows it; was the robot's wrapper restarted?"
 
 
 def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
-    """The ending when the goal should have stopped in time and did not."""
+    """The ending if a cancelled goal did not stop in time."""
     seconds = cancellation.seconds
     if cancellation.confirmed:
         return "lost", f"cancel-unconfirmed: {name} said that it stops, and did not within {seconds:g} s"
@@ -249,7 +248,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
 
 
 def of_missing_server(endpoint: ActionEndpoint | ServiceEndpoint, sends: int) -> Outcome:
-    """The ending when nothing accepted the goal in time. `sends`: how often it was still sent."""
+    """The ending if no server accepted the goal in time. `sends`: how many times it was sent."""
     presence = endpoint.presence
     if sends:
         why = f"what offers {endpoint.name} went away {times_in_words(sends)} before it took it"
@@ -265,8 +264,8 @@ def of_two_servers(endpoint: ActionEndpoint | ServiceEndpoint) -> Outcome:
 
 
 def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
-    """The ending when the whole robot is lost, for this reason. A goal that was not sent has failed; the state of a
-    sent one is unknown."""
+    """The ending if the whole robot is lost. A goal that was not sent has failed; the state of a sent one is
+    unknown."""
     if was_sent:
         return "lost", reason
     return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
@@ -282,9 +281,9 @@ def times_in_words(number: int) -> str:
 
 
 def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
-    """The text that a rule of the profile reads in a result, or a sentence that it cannot."""
+    """The text that a rule of the profile reads from a result, or a sentence that it cannot be read."""
     try:
         return read(result)
-    except Exception as error:  # a rule of the profile, on any data from another program
+    except Exception as error:  # the rule comes from a profile, the data from another program
         _LOG.exception("a result of %s cannot be read", name)
         return f"its result cannot be read ({error})"

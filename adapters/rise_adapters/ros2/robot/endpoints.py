@@ -1,6 +1,6 @@
 """The receivers of a robot's goals: its action servers, topics and services, and whether they are reliable.
 
-ROS 2 does not tell a client when a server dies, so polling finds all of this, several times a second.
+ROS 2 does not report the death of a server, so all of this is polled several times a second.
 """
 
 from __future__ import annotations
@@ -30,26 +30,24 @@ from rise_engine.ports.robot import Clock
 _LOG = logging.getLogger(__name__)
 
 Fault: TypeAlias = Literal["", "unfit", "missing", "inactive", "double", "held", "silent", "unheard"]
-"""What can be wrong with an endpoint. unfit: it is there, but differs from the profile (`compatibility`).
-inactive: it is there, but its lifecycle says that it is not working.
-held: it may still be doing something that has ended for the session, and gets nothing else.
-unheard: it receives messages, but some of its own do not arrive."""
+"""Faults of an endpoint. unfit: it differs from the profile (`compatibility`). inactive: its lifecycle node is not
+active. double: there are several servers. held: an open goal may still run there, so it gets nothing else. silent: it
+owes an answer. unheard: some of its messages do not arrive."""
 
 ASKING_SECONDS = 0.5
-"""Seconds after its appearance in which it is asked about earlier goals, before people are told."""
+"""Seconds after it appears for questions about earlier goals, before the fault is reported."""
 
 HEARING_SECONDS = 5.0
-"""Seconds after its status topic was found in which its last status arrives, also if it is lost once (Fast DDS repeats
-after 3 s)."""
+"""Seconds until a new status topic delivers its last status, even after one loss (Fast DDS repeats after 3 s)."""
 
 PROBE_SECONDS = 2.0
-"""Seconds between two questions to a server that owes an answer. If it works again, it answers by itself."""
+"""Seconds between questions to a server that owes an answer. A server that works again answers the next one."""
 NO_GOAL = b"\xff" * 16
-"""A goal that no server has: its rejection is a sign of life. (In a cancel, zeros would mean all goals.)"""
+"""A goal that no server has: any answer about it is a sign of life. (In a cancel, zeros would mean all goals.)"""
 
 
 class OpenOne(Protocol):
-    """A goal that has ended for the session, but may still be running."""
+    """An open goal: it has ended for the session, but may still be running."""
 
     action: str
     type: str
@@ -63,12 +61,11 @@ class OpenOne(Protocol):
 NOT_HEARD = "it may not have heard that it should stop"
 
 UNLISTED_SECONDS = 1.0
-"""Seconds after its appearance in which every part of an endpoint must be seen and compared before it gets anything.
-Parts that the middleware has not listed by then will not be listed."""
+"""Seconds for all parts of a new endpoint to be seen and compared. Later, the middleware lists no more parts."""
 
 
 class _ComparedEndpoint:
-    """Whether there is another side, and the result of `compatibility` about it."""
+    """An endpoint compared with the profile: whether it is present, and what `compatibility` found."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
@@ -80,9 +77,9 @@ class _ComparedEndpoint:
         self.comparison = EndpointComparison()
         """The result of the last comparison."""
         self.told: object = 0
-        """`others`, as the goals there were told last."""
+        """The value of `others` that its goals last got."""
         self.open: dict[str, OpenOne] = {}
-        """The open goals that hold it, by action. While there are any, it gets nothing else."""
+        """The open goals that hold it, by action. Meanwhile it gets nothing else."""
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
@@ -95,14 +92,14 @@ class _ComparedEndpoint:
         raise NotImplementedError
 
     def poll(self, count: int | None = None) -> bool:
-        """Check whether it is there, or use the given count. True when it has just gone."""
+        """Check whether it is present, or use the given count. Returns whether it has just gone."""
         raise NotImplementedError
 
     def close(self) -> None:
         raise NotImplementedError
 
     def move_to(self, transport: Transport) -> None:
-        """Go on over another transport, on which nothing has been seen yet. Raises PortError."""
+        """Continue on another transport, where nothing is found yet. Raises PortError."""
         self.poll(0)
         self.close()
         self._transport, self._compared_version = transport, None
@@ -111,12 +108,12 @@ class _ComparedEndpoint:
 
     @property
     def others(self) -> object:
-        """Who is on the other side; a change of it is a change for the goals there."""
+        """The other side, as a value to compare: a change of it matters to the goals there."""
         return self.presence.changes
 
     def compare(self) -> bool:
-        """Compare the other side with the profile, unless nothing has changed since the last time. This runs before
-        each goal, and takes 2 % of a task (benchmarks/ros). Returns whether it compared."""
+        """Compare the other side with the profile if anything changed since the last comparison. Returns whether it
+        did. Before each goal, this takes 2 % of a task (benchmarks/ros)."""
         version = self._transport.graph_version()
         if version is not None and version == self._compared_version:
             return False
@@ -128,12 +125,12 @@ class _ComparedEndpoint:
 
     @property
     def is_compared(self) -> bool:
-        """Whether every part has been compared, or the missing ones will no longer be listed."""
+        """Whether every part is compared, or the missing ones will not be listed any more."""
         return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED_SECONDS
 
     @property
     def is_ready(self) -> bool:
-        """Whether something can be sent: it is there to stay and, as far as known, fits the profile."""
+        """Whether a message can be sent: it is settled and, as far as known, fits the profile."""
         return self.fault in ("", "silent", "unheard")
 
     @property
@@ -148,12 +145,12 @@ class _ComparedEndpoint:
 
     @property
     def is_known(self) -> bool:
-        """Whether it has had the time to say what it is doing."""
+        """Whether it has had time to report what it is doing."""
         return self._clock.now() >= self.presence.appeared_at + ASKING_SECONDS
 
     @property
     def trouble(self) -> str:
-        """What is wrong with it, for a person; empty when it is there and fits."""
+        """The fault, for a person; empty if it is present and fits."""
         if self.fault in ("unfit", "unheard"):
             return compatibility.describe_misfits(self.comparison.misfits)
         if not self.presence.count:
@@ -166,12 +163,12 @@ class _ComparedEndpoint:
 
     @property
     def misfit_kind(self) -> str:
-        """The kind of its misfit (`other-version`, ...); empty when something can be sent to it."""
+        """The kind of its misfit (`other-version`, ...); empty if it can receive messages."""
         return self.comparison.unusable[0].kind if self.comparison.unusable else ""
 
     @property
     def misfit(self) -> str:
-        """Why nothing may be sent to it, as the reason of an action, with the remedy; empty when it may."""
+        """Why it may receive nothing, as the reason of an action, with the remedy; empty if it may."""
         unusable = self.comparison.unusable
         return f"{self.misfit_kind}: {compatibility.describe_misfits(unusable)}" if unusable else ""
 
@@ -183,11 +180,11 @@ class ActionEndpoint(_ComparedEndpoint):
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
         self.was_heard = False
-        """Whether it has told what it was doing when it appeared. Before its first goal, a server says nothing."""
+        """Whether it has reported what it was doing when it appeared. A server says nothing before its first goal."""
         self._was_away = False
-        """Whether it has ever gone. Others may have begun something where it was out of sight."""
+        """Whether it has ever gone. Meanwhile other clients may have started goals there."""
         self._programs: frozenset[bytes] = frozenset()
-        """The programs that offered it last."""
+        """The programs that offered it at the last comparison."""
         self._status_found_at: float | None = None
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
@@ -206,7 +203,7 @@ class ActionEndpoint(_ComparedEndpoint):
         self.client.on_feedback, self.client.on_status = before.on_feedback, before.on_status
 
     def poll(self, count: int | None = None) -> bool:
-        """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
+        """Check whether it is present, or use the given count. True when it has just gone; its statuses are cleared."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
             self._was_away = True
@@ -224,13 +221,13 @@ class ActionEndpoint(_ComparedEndpoint):
 
     @property
     def has_told(self) -> bool:
-        """Whether it would show what it is doing. If it was away, only its status tells, if that can be heard."""
+        """Whether a goal that runs there would be visible: after an absence, only by a status, if it publishes any."""
         is_mute = not self.client.count_status_publishers()
         is_late = self._clock.now() >= self.presence.appeared_at + HEARING_SECONDS
         return self.was_heard or (is_late if self._was_away and is_mute else self.is_known and not self._was_away)
 
     def _is_heard_out(self) -> bool:
-        """Whether a status from before its appearance would have arrived by now."""
+        """Whether a status from before it appeared would have arrived by now."""
         now = self._clock.now()
         if not self.client.count_status_publishers():
             self._status_found_at = None
@@ -249,7 +246,7 @@ class ActionEndpoint(_ComparedEndpoint):
         return looked
 
     def _change_program(self) -> None:
-        """Note that its program was started again, perhaps between two polls. What ran there does not go on."""
+        """Note that its program was restarted, perhaps between two polls. Its goals do not continue."""
         self.presence.changes += 1
         self.presence.appeared_at = self._clock.now()
 
@@ -258,7 +255,7 @@ class ActionEndpoint(_ComparedEndpoint):
         self._unanswered_at = self._probed_at = self._clock.now()
 
     def _probe(self) -> None:
-        """Ask it again. Requests while it stood still may be lost, because its side took ours for dead."""
+        """Ask it again. Requests during a standstill may be lost, because its middleware considered this side dead."""
         self._probed_at = self._clock.now()
         with suppress(PortError):
             self.client.get_result(NO_GOAL, lambda status, result: None)
@@ -310,7 +307,7 @@ class ActionEndpoint(_ComparedEndpoint):
 class TopicEndpoint(_ComparedEndpoint):
     """One topic that a part of the robot listens to. Its last message counts, and the profile's `reset` takes it back.
 
-    While no order stands, whoever may have one is told the reset as soon as it listens (`Listeners`).
+    While no order is in force, every program that may have one gets the reset as soon as it listens (`Listeners`).
     """
 
     def __init__(
@@ -321,24 +318,24 @@ class TopicEndpoint(_ComparedEndpoint):
         clock: Clock,
         make_reset: Callable[[str], Message | None],
     ) -> None:
-        """`make_reset`: the present message that takes an order back; gets the name of its goal, or nothing. (A base
-        ignores old stamps.) Raises PortError."""
+        """`make_reset`: returns the message that takes back an order, with present values (a base ignores old stamps).
+        It gets the goal's name, or an empty text. Raises PortError."""
         super().__init__(label, transport, mapping, clock)
         self.user: OpenOne | None = None
-        """The goal whose order stands: it published last, and its message was not taken back."""
+        """The goal whose order is in force: published last and not taken back."""
         self.reset_by: OpenOne | None = None
         """The goal whose order was taken back last."""
         self.is_stoppable = mapping.stoppable
-        """Whether a message can stop what was requested."""
+        """Whether a message can stop the action."""
         self.is_harmless = mapping.harmless
         self.unstopped: OpenOne | None = None
-        """The last publisher's goal if it has ended and nothing can stop its request."""
+        """The goal that published last, if it has ended and nothing can stop it."""
         self._listeners = Listeners(clock.now)
         self._make_reset = make_reset
         self._is_lossy = False
-        """Whether a message may be lost on its way to somebody who listens."""
+        """Whether a message to some listener may be lost."""
         self._taken_back_at = self._reset_at = -inf
-        """When a reset was first published after the last order, and when it was published last."""
+        """When the first reset after the last order was published, and when the last reset was."""
         self._warned_of = ""
 
     def _open(self) -> None:
@@ -347,7 +344,7 @@ class TopicEndpoint(_ComparedEndpoint):
 
     def poll(self, count: int | None = None) -> bool:
         found = self._find_nodes() if count is None else {}
-        gone = self.presence.update(self.publisher.count_subscribers() if found else 0)  # not who only looks on
+        gone = self.presence.update(self.publisher.count_subscribers() if found else 0)
         found = found if self.presence.count else {}
         self._listeners.update(found, stands=self.user is not None, latched=self._mapping.topic_qos.latched)
         return gone
@@ -357,11 +354,11 @@ class TopicEndpoint(_ComparedEndpoint):
         return self.presence.count, self._listeners.present
 
     def find_listeners(self) -> frozenset[bytes]:
-        """The programs that listen at this moment and may do something."""
+        """The programs that listen now and may act on messages."""
         return frozenset(self._find_nodes())
 
     def _find_nodes(self) -> dict[bytes, str]:
-        """These programs with their nodes (empty: not known). Those without an id are numbered."""
+        """These programs with their nodes (empty: unknown). Programs without an id get numbers."""
         own = self._mapping.topic_qos
         ends = [
             end
@@ -379,7 +376,7 @@ class TopicEndpoint(_ComparedEndpoint):
         return {program: " ".join(sorted(each - {""})) for program, each in nodes.items()}
 
     def order(self, goal: OpenOne, message: Message) -> frozenset[bytes]:
-        """Publish a goal's message, which now stands. Returns the programs that listen. Raises PortError."""
+        """Publish a goal's message, which is now in force. Returns the programs that listen. Raises PortError."""
         self.publisher.publish(message)
         found = self._find_nodes()
         self._listeners.order(found, stands=self.user is not None)
@@ -387,7 +384,7 @@ class TopicEndpoint(_ComparedEndpoint):
         return frozenset(found)
 
     def adopt(self, goal: OpenOne) -> None:
-        """Note that the order of an earlier engine stands."""
+        """Note that the order of an earlier engine is in force."""
         self.user = goal
         self._listeners.adopt()
 
@@ -398,17 +395,17 @@ class TopicEndpoint(_ComparedEndpoint):
         self._publish_reset()
 
     def begin_stop(self) -> None:
-        """Tell everybody again, because others may have published something, too."""
+        """Prepare to send the reset to every listener again, because other programs may have published, too."""
         self._listeners.forget_told()
         self._taken_back_at = self._clock.now()
 
     def tell(self, *, everybody: bool) -> None:
-        """Publish the reset again if somebody listens that may not have heard it. `everybody`: also for those who have
-        no order of ours."""
+        """Publish the reset again if some listener may lack it. `everybody`: also for listeners without an order of
+        ours."""
         if self.user is not None or not self.is_stoppable or not (everybody or self._listeners.have_order):
             return
         now, since = self._clock.now(), self._taken_back_at
-        is_repeated = (  # less and less often
+        is_repeated = (  # at growing intervals
             self._is_lossy
             and now < since + LEASE_SECONDS
             and now >= self._reset_at + max(FINDING_SECONDS, self._reset_at - since)
@@ -417,23 +414,23 @@ class TopicEndpoint(_ComparedEndpoint):
             self._publish_reset()
 
     def release(self, goal: OpenOne) -> None:
-        """Note that a person says that what the goal has ordered is over."""
+        """Count the goal's order as over, because a person says so."""
         if self.user is goal or self.reset_by is goal:
             self.user = self.reset_by = None
             self._listeners.write_off()
 
     def is_open(self, goal: OpenOne) -> bool:
-        """Whether somebody may still do what an ended goal has ordered."""
+        """Whether a listener may still carry out the order of an ended goal."""
         return self.user is goal or (self.reset_by is goal and self.is_owed)
 
     @property
     def is_owed(self) -> bool:
-        """Whether somebody may not have heard the reset."""
+        """Whether the reset may not have reached a program that has an order."""
         return self._listeners.is_owed
 
     @property
     def was_told(self) -> bool:
-        """Whether everybody has heard the last reset, as far as that can be known."""
+        """Whether all listeners have received the last reset, as far as that can be known."""
         return not (self._listeners.is_owed or self._listeners.untold)
 
     def _publish_reset(self) -> None:
@@ -496,7 +493,7 @@ Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint | ServiceEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:
-    """Close them. The owner of the transport may have closed it, and so them, before."""
+    """Close endpoints. The owner of the transport may have closed it, and so them, already."""
     for endpoint in endpoints:
         endpoint.close()
 

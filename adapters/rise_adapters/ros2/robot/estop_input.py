@@ -1,17 +1,17 @@
-"""Listens to the laboratory's emergency stop: on somebody else's topic, or through a service that this side offers.
+"""Listens to the laboratory's emergency stop: on another program's topic, or through a service of this side.
 
-It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
-`ros2 topic echo`. While its state is not known for certain, that is a fault of the robot, and nothing new begins.
+Its subscription requests the quality of service that is offered, like `ros2 topic echo`, so it hears every publisher.
+While the state of the emergency stop is uncertain, the robot has a fault and nothing new begins. Nothing is heard while
+the computer sleeps: of the state before, only *pressed* stays valid.
 
-While the computer slept, nothing was heard: only *pressed* counts from before.
+A message does not name its sender. So with several publishers, or after one has gone, the state is unknown: a button
+that is not pressed must not release another one. When a new program appears, only *pressed* stays valid. A program of
+the same node replaces one that has gone. A hidden node is a tool, such as `ros2 topic pub`: it can press, and need not
+return.
 
-A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
-with several publishers, or when one of them has gone, the state is not known. A program that is new has said nothing
-yet: what was heard before, only *pressed* stays. A program that has gone is replaced by one of the same node. A hidden
-node is a tool, such as `ros2 topic pub`: it can press, and need not come back.
-
-One that was pressed stays pressed over a new connection, and for an engine that continues the session. That one does
-not know who had pressed it, so it has to hear it pressed before it lets it go. (A service's last request counts.)
+A pressed emergency stop stays pressed over a new connection, and for an engine that continues the session. That engine
+does not know which button was pressed. It must hear *pressed* before a release counts. (With a service, the last
+request counts.)
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from rise_engine.kernel.inputs import EstopReport
 
 SERVICE_TYPE = "std_srvs/srv/SetBool"
 UNHEARD_SECONDS = 2.0
-"""Seconds for which an emergency stop may be silent after its discovery."""
+"""Seconds that an emergency stop may be silent after its discovery."""
 SLEPT_SECONDS = 1.0
-"""Seconds of the computer's sleep after which its state is not known."""
+"""Seconds of the computer's sleep after which the state is unknown."""
 
 
 class EstopInput:
-    """One emergency stop. `poll` checks whether it is there. `report` receives its state when that is news."""
+    """One emergency stop. `poll` checks its presence. `report` receives each change of its state."""
 
     label = "estop"
 
@@ -50,9 +50,9 @@ class EstopInput:
         self.name = transport.resolve(mapping.name)
         self.source = f"estop:{self.name}"
         self.pressed: bool | None = (before.pressed or None) if before is not None else None
-        """None: the program that publishes it has not reported yet."""
+        """None: its publisher has not reported yet."""
         self._is_inherited: bool = before is not None and before._is_inherited
-        """Whether it was pressed for an earlier engine, and this one has not heard it pressed."""
+        """Whether it was pressed for an earlier engine, and this one has not heard *pressed* yet."""
         self._mapping = mapping
         self._transport = transport
         self._now = now
@@ -61,19 +61,19 @@ class EstopInput:
         self._subscription: Subscription | None = None
         self._service: Closable | None = None
         self._programs: dict[bytes, float] = {}
-        """The programs that publish it, at the last look, and when they were found."""
+        """The programs that published it at the last look, and when each was found."""
         self._ends: Counter[tuple[bytes, str]] = Counter()
         """Their publishers, by program and node."""
         self._known: Counter[str] = Counter(before._known if before is not None else ())
-        """How many programs have to be there, by node."""
+        """How many programs must be present, by node."""
         self._nameless: set[bytes] = set(before._nameless if before is not None else ())
-        """The programs whose node was never known. (It may be known a moment after its publisher.)"""
+        """The programs whose node was never known. (A node may become known a moment after its publisher.)"""
         self._ask_again = False
-        """Whether a publisher that says only changes has to say again what is latched."""
+        """Whether to subscribe again, so that a publisher that sends only changes repeats its latched state."""
         self._suspended = suspended_seconds()
         """`suspended_seconds` at the last look."""
         self._since: float | None = None
-        """When it was found, or last heard; None: it is not there."""
+        """When it was found or last heard; None: it is absent."""
         if mapping.type:
             self._subscription = transport.subscribe(mapping.name, mapping.type, self._take_message, self._qos)
         else:
@@ -85,13 +85,13 @@ class EstopInput:
         self._is_inherited = self._subscription is not None
 
     def poll(self) -> None:
-        """See who publishes it, and request what they offer."""
+        """Find its publishers, and request the quality of service that they offer."""
         if self._subscription is None:
             return
         offered = [end.qos for end in self._look() if end.qos is not None]
         if offered:
             latched = all(qos.latched for qos in offered)
-            # Of what is latched, only the last state counts: what came before it would press it again, or let it go.
+            # Of latched messages, only the last one counts: an earlier one would press or release it again.
             qos = QoS(1 if latched else 10, all(qos.reliable for qos in offered), latched)
             if qos != self._qos or (self._ask_again and latched and self.pressed is not False):
                 self._subscribe(qos)
@@ -102,7 +102,7 @@ class EstopInput:
             self._since = self._now()
 
     def _look(self) -> list[RemoteEndpoint]:
-        """See which programs publish it. A new one has not said that it is not pressed."""
+        """Find the programs that publish it. The state of a new one is unknown."""
         ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
         now, ends_before, before = self._now(), self._ends, self._programs
         self._ends = Counter((end.program or end.node.encode(), end.node) for end in ends)
@@ -110,12 +110,10 @@ class EstopInput:
         slept = suspended_seconds() - self._suspended
         self._suspended += slept
         self._ask_again |= self._ends != ends_before or slept >= SLEPT_SECONDS
-        if (
-            self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS
-        ):  # what was said before may not be true any more
+        if self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS:  # an earlier report may be outdated
             self._since = now
             self.pressed = self.pressed or None
-        # A program that was killed is still shown for a while: two that stay longer than that are two buttons.
+        # A killed program stays visible for a while. Two programs that stay longer than that are two buttons.
         buttons = [each for each in self._ends if not each[1].rpartition("/")[2].startswith("_")]
         stay = Counter(node for program, node in buttons if now > self._programs[program] + LEASE_SECONDS)
         self._known |= stay | Counter({node for _, node in buttons if node or self.pressed})
@@ -126,12 +124,12 @@ class EstopInput:
 
     @property
     def _nodes(self) -> Counter[str]:
-        """How many programs are there, by node."""
+        """The number of programs, by node."""
         return Counter(node for _, node in self._ends)
 
     @property
     def fault(self) -> Literal["", "missing", "unheard", "silent", "several", "gone", "inherited"]:
-        """Why its state is not known; empty: it is known."""
+        """Why its state is unknown; empty: it is known."""
         if self._subscription is None:
             return ""
         if self._since is None:
@@ -154,7 +152,7 @@ class EstopInput:
 
     @property
     def trouble(self) -> str:
-        """What is wrong with it, for a person; empty when it is heard."""
+        """The fault, for a person; empty: none."""
         what = f"the emergency stop at {self.name}"
         match self.fault:
             case "missing":
@@ -191,10 +189,10 @@ class EstopInput:
     def _take_message(self, message: Message) -> None:
         before, pressed = self.pressed, self._mapping.is_pressed(message)
         if pressed:
-            self._take(True)  # whatever becomes of the look
+            self._take(True)  # first, because the look may fail
         self._look()
         self._since = self._now()
-        if not pressed and self.pressed == before:  # otherwise this may be the last word of a program that has gone
+        if not pressed and self.pressed == before:  # otherwise a program that has gone may have sent it
             self._take(False)
 
     def _take_request(self, request: Message, reply: SendReply) -> None:
@@ -206,7 +204,7 @@ class EstopInput:
     def _take(self, pressed: bool) -> None:
         self._is_inherited = self._is_inherited and not pressed
         if not pressed and self.fault in ("several", "gone", "inherited"):
-            return  # another one may be pressed
+            return  # another button may be pressed
         if pressed != self.pressed:
             self.pressed = pressed
             self._report(EstopReport(source=self.source, pressed=pressed))

@@ -1,4 +1,4 @@
-"""The common interface of a robot's goals, and what each needs from its robot."""
+"""The interface of a robot's goals, and what they need from their robot."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rise_engine.ports.robot import Clock
 
 Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
 Ending: TypeAlias = Literal["succeeded", "failed", "aborted", "canceled", "timed-out", "lost"]
-"""As `ActionReport.status`. aborted: it has failed because the robot itself gave it up."""
+"""As `ActionReport.status`. aborted: failed because the robot itself gave up."""
 
 TIMER_TOLERANCE = 1e-5
 """Seconds by which a timer may be early."""
@@ -18,8 +18,8 @@ TIMER_TOLERANCE = 1e-5
 class Goal(Protocol):
     """One action on its way to the robot and back.
 
-    It has no timer of its own (except for a topic's repetitions). `next_deadline` says when to poll it, and `poll` does
-    what is due.
+    It has no timer (except for the repetitions of a topic). `next_deadline` says when to call `poll`, which does what
+    is due.
     """
 
     action: str
@@ -28,7 +28,7 @@ class Goal(Protocol):
     """The profile's name for what the robot does."""
     phase: Phase
     may_be_running: bool
-    """Whether it may run on the robot, whatever the engine records."""
+    """Whether it may run on the robot, whatever the engine has recorded."""
 
     @property
     def endpoint(self) -> Endpoint:
@@ -36,11 +36,11 @@ class Goal(Protocol):
         ...
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over a goal that an earlier engine has sent, and that has ended for the session."""
+        """Take over an open goal of an earlier engine."""
         ...
 
     def cancel(self) -> None:
-        """Stop the goal. If it was not sent, that ends it. An ended goal that may still run is asked to stop again."""
+        """Stop the goal. A goal that was not sent ends immediately. An open goal is asked to stop again."""
         ...
 
     @property
@@ -50,24 +50,24 @@ class Goal(Protocol):
 
     @property
     def is_unanswerable(self) -> bool:
-        """Whether nothing can tell what became of it, because it was begun by an engine that has gone."""
+        """Whether its outcome can never be known, because an engine that has gone started it."""
         ...
 
     @property
     def holds_its_part(self) -> bool:
-        """Whether its server or topic gets nothing else while it has ended and may still be running."""
+        """Whether its server or topic gets nothing else while the goal is open."""
         ...
 
     def release(self, by: str = "somebody") -> None:
-        """Count an ended goal as over on the robot, because a person has checked. `by`: who says so, for the record."""
+        """Count an open goal as over, because a person has checked the robot. `by`: who says so, for the record."""
         ...
 
     def why_open(self) -> str:
-        """Why an ended goal that may still be running is not over, for a person."""
+        """Why the goal is still open, for a person."""
         ...
 
     def is_live(self) -> bool:
-        """Whether it still needs polling: it has not ended, or must be stopped on the robot."""
+        """Whether it still needs polling: it has not ended, or the robot must stop it."""
         ...
 
     def next_deadline(self) -> float:
@@ -79,11 +79,11 @@ class Goal(Protocol):
         ...
 
     def on_server_gone(self) -> None:
-        """Note that nothing offers the action, or listens to the topic, any more."""
+        """Note that no server offers the action any more, or nothing listens to the topic."""
         ...
 
     def on_server_changed(self) -> None:
-        """Note that there are more or fewer servers than before."""
+        """Note that the number of servers has changed."""
         ...
 
     def on_robot_lost(self, reason: str) -> None:
@@ -92,22 +92,22 @@ class Goal(Protocol):
 
 
 class GoalHost(Protocol):
-    """What a goal needs from its robot."""
+    """The part of a robot that its goals use."""
 
     clock: Clock
 
     def why_held(self) -> str:
-        """Why nothing new begins anywhere on the robot, for a person; empty: it may begin."""
+        """Why nothing new may begin on the whole robot, for a person; empty: it may."""
         ...
 
     def report_accepted(self, action: str) -> None: ...
 
     def report_ended(self, action: str, status: Ending, reason: str) -> None:
-        """Report the one ending of an action."""
+        """Report the ending of an action. Each action has one."""
         ...
 
     def report_note(self, endpoint: Endpoint, text: str) -> None:
-        """Add a note to the record only."""
+        """Add a note to the record."""
         ...
 
     def on_goal_changed(self, goal: Goal) -> None:

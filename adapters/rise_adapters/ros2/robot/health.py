@@ -1,4 +1,4 @@
-"""The state of a whole robot, from the states of its endpoints: connected, degraded or lost, and in words."""
+"""The state of a whole robot, from its endpoints: connected, degraded or lost, with a description."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
 
 class RobotHealth(Struct, frozen=True):
-    """A robot's status, and what is wrong with each of its endpoints."""
+    """A robot's status, and the faults of its endpoints."""
 
     status: Status
     faults: frozenset[tuple[str, str]] = frozenset()
-    """The endpoint's label, with the kind of its misfit or its fault."""
+    """Pairs of an endpoint's label and the kind of its misfit or fault."""
     open: tuple[OpenGoal, ...] = ()
-    """What it may still be doing for actions that have ended."""
+    """Its open goals."""
 
     def is_news_after(self, before: RobotHealth) -> bool:
-        """Whether people must be told. (For a robot that stays lost: only new misfits and further open goals.)"""
+        """Whether to report this state. (For a robot that stays lost: only new misfits and further open goals.)"""
         if self.status == "lost" == before.status:
             return self._misfits() != before._misfits() or not self._open() <= before._open()
         return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())
@@ -42,11 +42,11 @@ class RobotHealth(Struct, frozen=True):
 
 
 UNSTEADY_TIMES, UNSTEADY_SECONDS = 3, 30.0
-"""An emergency stop that had faults so often within so many seconds has them until it was right for as long."""
+"""An emergency stop with so many faults in so many seconds counts as faulty until it has worked for as long."""
 
 
 class EstopWatch:
-    """The fault of the emergency stop that people are told of: one that comes and goes is told once."""
+    """The reported fault of the emergency stop. An intermittent fault is reported once."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -64,7 +64,7 @@ class EstopWatch:
             began.append(now)
         is_unsteady = len(began) == UNSTEADY_TIMES and now < began[0] + UNSTEADY_SECONDS
         present = frozenset({(estop.label, str(estop.fault))} if estop.fault else ())
-        self._told = self._told | present if self._told and is_unsteady else present  # another fault is news
+        self._told = self._told | present if self._told and is_unsteady else present  # another fault is reported
         return self._told
 
 
@@ -74,7 +74,7 @@ def assess(
     busy: Collection[Endpoint],
     estop: frozenset[tuple[str, str]] = frozenset(),
 ) -> RobotHealth:
-    """The robot's present state. `busy`: the endpoints that are doing something for us; `estop`: its emergency stop's
+    """Return the robot's present state. `busy`: endpoints with a running goal of ours; `estop`: its emergency stop's
     faults."""
     goals = open_goals(endpoints)
     if transport.failure():
@@ -87,7 +87,7 @@ def assess(
 
 
 def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
-    """What the robot may still be doing for actions that have ended."""
+    """The robot's open goals."""
     found = []
     for each in endpoints:
         found += [
@@ -100,7 +100,7 @@ def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
 
 
 def why_held(estop: EstopInput | None, left: Goal | None) -> str:
-    """Why nothing new begins anywhere on a robot (`GoalHost.why_held`). `left`: what an earlier engine has left."""
+    """Why nothing new may begin on a robot (`GoalHost.why_held`). `left`: an open goal of an earlier engine."""
     if estop is not None and estop.pressed:
         return f"estop-pressed: the emergency stop at {estop.name} is pressed"
     if estop is not None and estop.fault:
@@ -112,8 +112,8 @@ def why_held(estop: EstopInput | None, left: Goal | None) -> str:
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
-    """Whether nothing can be sent to it, and it does nothing for us. (Beside a working server, another program that
-    does not fit may have appeared.)"""
+    """Whether it can receive nothing and runs no goal of ours. (A program that does not fit may join a working
+    server.)"""
     if endpoint.fault in ("unfit", "inactive"):
         return endpoint not in busy
     return endpoint.fault == "missing"
@@ -122,7 +122,7 @@ def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
 def describe(
     status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint], estop: EstopInput | None = None
 ) -> str:
-    """The state for a person; `title` is the robot's. The remedy comes first, because a small screen cuts the rest."""
+    """Describe the state. `title`: the robot's. The remedy comes first, because a small screen cuts the end."""
     failure = transport.failure()
     if failure:
         return f"the connection to ROS is gone: {failure}"

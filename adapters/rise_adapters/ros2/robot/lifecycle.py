@@ -1,6 +1,6 @@
-"""Whether the node that offers an action is active, if it is a lifecycle node
-(https://design.ros2.org/articles/node_lifecycle.html). An inactive node accepts goals and does nothing, or rejects
-them."""
+"""Watches whether the node that offers an action is active, if it is a lifecycle node
+(https://design.ros2.org/articles/node_lifecycle.html). An inactive node rejects goals, or accepts them and does
+nothing."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from rise_adapters.ros2.transport.port import (
 
 STATE_TYPE, EVENT_TYPE = "lifecycle_msgs/srv/GetState", "lifecycle_msgs/msg/TransitionEvent"
 SEARCH_SECONDS = 2.0
-"""Seconds in which a node must show that it has a lifecycle; otherwise it has none."""
+"""Seconds within which a node must show its lifecycle. Otherwise it has none."""
 ASK_SECONDS = 2.0
-"""Seconds between two questions. A transition is reported immediately, if that message arrives."""
+"""Seconds between two requests. A transition is reported immediately, if that message arrives."""
 
 _REMEDIES = {
     "inactive": "activate it (ros2 lifecycle set {node} activate)",
@@ -32,14 +32,14 @@ _REMEDIES = {
 
 
 class LifecycleWatch:
-    """Follows one node, whose name may change. It has no timer: `poll` asks when it is time."""
+    """Follows one node, whose name may change. It has no timer: `poll` sends a request when one is due."""
 
     def __init__(self, transport: Transport, now: Callable[[], float]) -> None:
-        """`now`: seconds on any running clock."""
+        """:param now: returns seconds on any running clock."""
         self.node = ""
         """The node's full name; empty: none is followed."""
         self.state = ""
-        """The node's own word (`active`); empty: it has no lifecycle, or has not reported yet."""
+        """The node's state (`active`); empty: it has no lifecycle, or has not reported yet."""
         self._transport = transport
         self._now = now
         self._since = 0.0
@@ -48,7 +48,7 @@ class LifecycleWatch:
         self._events: Closable | None = None
 
     def follow(self, node: str) -> None:
-        """Follow this node from now on; empty: follow none."""
+        """Follow this node from now on; empty: none."""
         if node == self.node:
             return
         self.close()
@@ -61,7 +61,7 @@ class LifecycleWatch:
             self.poll()
 
     def follow_server(self, action: str) -> None:
-        """Follow the node that offers an action (its full name) as soon as it is known."""
+        """Follow the node that offers an action (its full name) once that node is known."""
         ends = self._transport.publisher_endpoints(action_topic(action, STATUS_TOPIC))
         if node := next((end.node for end in ends if end.node.startswith("/")), ""):
             self.follow(node)
@@ -86,7 +86,7 @@ class LifecycleWatch:
 
     @property
     def sentence(self) -> str:
-        """The sentence that it is not active; empty when it is, or has no lifecycle."""
+        """A sentence that the node is not active; empty if it is, or has no lifecycle."""
         return f"{self.node} is {self.state}" if self.state not in ("", "active") else ""
 
     @property

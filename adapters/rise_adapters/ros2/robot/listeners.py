@@ -1,11 +1,11 @@
-"""Who listens to a topic: which programs have an order of ours, and which have heard its reset.
+"""The programs that listen to a topic: which have one of our orders, and which have received its reset.
 
-A topic gives no answer, and middleware notices a cut late. So a program that listened to an order has it until it has
-listened to the reset, and gone on listening for LEASE_SECONDS. One that goes before counts as away with its order. It
-is told again when it is back, however late, and so is whatever else comes to listen. Until then, the reset is *owed*,
-unless a program with the same node (or none, as it) has come instead: after it, and at most a lease before it was
-missed. (A program that is started again is another one, and the dead one is seen for a while. A tool that begins to
-listen is no base.)
+A topic gives no answer, and the middleware notices a lost connection late. So a program keeps an order until it has
+received the reset and listened for another LEASE_SECONDS. A program that disappears earlier is away with its order. It
+gets the reset when it returns, as does every new listener. Until then the reset is *owed*, unless another program has
+replaced it: one with the same node, or both without a node. The replacement appeared later than the missing program,
+and at most LEASE_SECONDS before that one was missed, because a dead program stays visible for a while. (A restarted
+program is a different one. A tool that begins to listen is no replacement for a base.)
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping
 from math import inf
 
 LEASE_SECONDS = 30.0
-"""Whoever goes so many seconds after a reset may have been cut off before (Cyclone DDS notices after 10 s, Fast DDS
-after 20 s)."""
+"""A program that disappears so soon after a reset may have missed it (Cyclone DDS notices after 10 s, Fast DDS after
+20)."""
 FINDING_SECONDS = 0.5
-"""Seconds that a listener needs until it hears everything. What it is told before, it is told again."""
+"""Seconds until a new listener receives everything. It gets earlier messages again."""
 _SOMEBODY = b"somebody"
-"""Stands for the programs that have an order of an earlier engine. Nobody knows their nodes."""
+"""The programs that have an order of an earlier engine. Their nodes are unknown."""
 
 
 class Listeners:
@@ -29,27 +29,27 @@ class Listeners:
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
         self._since: dict[bytes, float] = {}
-        """Those that listen, and since when."""
+        """The present listeners, and since when each listens."""
         self._ordered: set[bytes] = set()
-        """Those that have the last order, and are not known to have heard its reset."""
+        """The programs that have the last order and may not have received its reset."""
         self._told: dict[bytes, float] = {}
-        """Those that have listened since a reset, and its time."""
+        """The listeners that have received the reset, and when."""
         self._missed: dict[bytes, float] = {}
-        """Those that have the last order and do not listen, and since when they do not."""
+        """The programs that have the last order but do not listen, and since when."""
         self._came: dict[bytes, float] = {}
-        """When a program was first seen."""
+        """When each program was first seen."""
         self._nodes: dict[bytes, frozenset[str]] = {}
-        """The nodes of a program, as far as they were ever told."""
+        """All known nodes of each program."""
         self._away: set[bytes] = set()
-        """Those that are away with an earlier order. They hold nothing, and are told when they are back."""
+        """The programs that disappeared with an earlier order. They are owed no reset, but get it when they return."""
 
     @property
     def present(self) -> frozenset[bytes]:
         return frozenset(self._since)
 
     def update(self, found: Mapping[bytes, str], *, stands: bool, latched: bool) -> None:
-        """Take in who listens now, with their nodes. `stands`: the last order is still meant. `latched`: late listeners
-        get it, too."""
+        """Process the present listeners and nodes. `stands`: the last order is in force; `latched`: late listeners get
+        it, too."""
         now = self._now()
         self._note_nodes(found)
         self._take_listed(found)
@@ -64,7 +64,7 @@ class Listeners:
             self.write_off()
 
     def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
-        """Note that those who are found get an order. `stands`: instead of another one, which they may have missed."""
+        """Note that the found programs get an order. `stands`: it replaces one that some of them may have missed."""
         self._note_nodes(found)
         if not stands:
             self.write_off()
@@ -78,35 +78,35 @@ class Listeners:
         self._missed[_SOMEBODY] = self._came[_SOMEBODY] = -inf
 
     def tell(self) -> None:
-        """Note that a reset is published."""
+        """Note that the reset is published."""
         now = self._now()
         for each, since in self._since.items():
             if now >= since + FINDING_SECONDS:
                 self._told.setdefault(each, now)
 
     def forget_told(self) -> None:
-        """Note that others may have published an order."""
+        """Note that other programs may have published an order."""
         self._told.clear()
 
     def write_off(self) -> None:
-        """From now on, those that are away are not owed the reset. (They are told if they ever come back.)"""
+        """Stop owing the reset to absent programs. (They get it if they ever return.)"""
         self._away |= self._ordered - self._since.keys()
         self._ordered.clear()
         self._missed.clear()
 
     @property
     def have_order(self) -> bool:
-        """Whether there may be somebody with an order, listening or not."""
+        """Whether any program, listening or not, may have an order."""
         return bool(self._ordered) or _SOMEBODY in self._away
 
     @property
     def untold(self) -> bool:
-        """Whether somebody listens that has not heard the reset."""
+        """Whether any listener has not received the reset."""
         return bool(self._since.keys() - self._told.keys())
 
     @property
     def is_owed(self) -> bool:
-        """Whether somebody has an order and has not heard its reset, and nobody has come instead."""
+        """Whether a program has an order, has not received its reset, and no other program has replaced it."""
         untold, told = self._ordered - self._told.keys(), self._told.keys()
         if _SOMEBODY in untold and not any(self._replaces(each, _SOMEBODY) for each in told):
             return True
@@ -117,7 +117,7 @@ class Listeners:
             found = next((each for each in sorted(instead) if self._replaces(each, missed)), None)
             if found is None:
                 return True
-            instead -= {found}  # it has come instead of one
+            instead -= {found}  # it replaces only one program
         return False
 
     def _note_nodes(self, found: Mapping[bytes, str]) -> None:
@@ -125,18 +125,18 @@ class Listeners:
             self._nodes[each] = self._nodes.get(each, frozenset()) | frozenset(nodes.split())
 
     def _take_listed(self, found: Mapping[bytes, str]) -> None:
-        """Note that who is listed only now was there before, as a number, and has the order."""
+        """Pass the order from numbered programs to those that the middleware lists only now: they are the same."""
         unlisted = {each for each in self._ordered - found.keys() - self._missed.keys() if each.isdigit()}
         listed = {each for each in found.keys() - self._since.keys() if not each.isdigit()}
         if unlisted and listed:
             self._ordered = self._ordered - unlisted | listed
 
     def _replaceable_from(self, missed: bytes) -> float:
-        """Since when a program may have come instead of one that is missed."""
+        """The earliest time at which a replacement of a missing program may have appeared."""
         return max(self._came[missed], self._missed[missed] - LEASE_SECONDS)
 
     def _replaces(self, each: bytes, missed: bytes) -> bool:
-        """Whether a program may have come instead of one that is missed. (A tool of ROS always has a name.)"""
+        """Whether a program may have replaced a missing one. (A tool of ROS always has a name.)"""
         nodes, others = (self._nodes.get(one, frozenset()) for one in (missed, each))
         is_same = missed == _SOMEBODY or bool(nodes & others) or not (nodes or others)
         return is_same and self._came[each] > self._came[missed] and self._came[each] >= self._replaceable_from(missed)

@@ -1,4 +1,4 @@
-"""Whether something is there, as polling finds it: how many, since when, and whether it comes and goes."""
+"""The presence of servers, found by polling: how many, since when, and whether they come and go."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import deque
 from rise_engine.ports.robot import Clock
 
 SETTLING_SECONDS = 0.5
-"""Seconds that an endpoint must stay after a loss before it gets anything, doubled with each further loss ..."""
+"""Seconds that an endpoint must stay after a loss before it gets anything. Each further loss doubles them ..."""
 MAX_SETTLING_SECONDS = 8.0
 UNSTEADY_SECONDS = 30.0
 """... within this many seconds. A server that restarts twenty times in ten seconds is reported once."""
@@ -27,13 +27,13 @@ class ServerPresence:
         self.appeared_at = 0.0
         """Session time in seconds."""
         self.changes = 0
-        """How often the number has changed: another server may have answered an earlier request."""
+        """How many times the number has changed. Another server may have answered an earlier request."""
         self.appeared_twice = False
         """Whether there were several when it appeared. (One that joins later may replace one that has just died, which
         DDS continues to show for ten seconds.)"""
 
     def update(self, count: int) -> bool:
-        """Take in the present number. True when the last one has just gone."""
+        """Process the present number. Returns whether the last server has just gone."""
         before, self.count = self.count, count
         now = self._clock.now()
         if count != before:
@@ -54,7 +54,7 @@ class ServerPresence:
 
     @property
     def recent_losses(self) -> int:
-        """How often it has gone recently."""
+        """How many times it has gone recently."""
         since = self._clock.now() - UNSTEADY_SECONDS
         while self._losses and self._losses[0] < since:
             self._losses.popleft()
@@ -62,5 +62,5 @@ class ServerPresence:
 
     @property
     def is_settled(self) -> bool:
-        """Whether it is there, and has been for long enough."""
+        """Whether it has been present for long enough."""
         return self.count > 0 and self._clock.now() >= self._settled_at

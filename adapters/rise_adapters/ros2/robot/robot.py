@@ -1,7 +1,7 @@
-"""A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals, and watches whether it is there.
+"""A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals and watches its presence.
 
-Every action of the profile goes to an action server or a service, or is published on a topic. One timer drives
-everything: it polls the servers (ROS is silent when one dies) and the goals whose time has come.
+Every action of the profile goes to an action server or a service, or is published on a topic. One timer polls the
+servers (ROS does not report a dead one) and the goals that are due.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ from rise_engine.scenario.model import RobotProfile
 _LOG = logging.getLogger(__name__)
 
 POLL_RUNNING = 0.25
-"""Seconds between two polls of the servers while something runs ..."""
+"""Seconds between two polls of the servers while something runs."""
 POLL_WAITING = 0.05
-"""... while a goal waits for its server ..."""
+"""The same while a goal waits for its server."""
 POLL_IDLE = 0.5
-"""... and while nothing does, and all servers are there."""
+"""The same while nothing runs, and all servers are present."""
 POLL_SOONEST = 0.001
 UNKNOWN_GOAL = "unknown/"
-"""What the name of a goal begins with that somebody else has begun; its id in hexadecimal digits follows."""
+"""The prefix of the name of another client's goal. The goal's id follows in hexadecimal digits."""
 MAX_REMEMBERED = 200
-"""The number of goals that are kept to recognise late messages about them."""
+"""The number of goals kept to recognise late messages about them."""
 MAX_ERRORS = 20
-"""The number of different errors that are logged while some last."""
+"""The maximum number of different errors that are logged before a poll succeeds."""
 FAREWELL_SECONDS = 0.5
-"""Seconds for which a client that has just cancelled something stays open after `close`."""
+"""Seconds that a client stays open after `close`, so that its last cancel is sent."""
 
 
 class Ros2Robot:
@@ -66,7 +66,7 @@ class Ros2Robot:
     def __init__(
         self, profile: RobotProfile, clock: Clock, transport: Transport, mappings: Mapping[str, ActionMapping]
     ) -> None:
-        """`mappings` by the action's name in the profile. Raises PortError when a type is not available."""
+        """`mappings` by the action's name in the profile. Raises PortError if a type is not available."""
         self.clock = clock
         self._profile = profile
         self._mappings = mappings
@@ -75,24 +75,24 @@ class Ros2Robot:
         """By the engine's name, oldest first."""
         self._by_id: dict[bytes, ActionGoal] = {}
         self._live: dict[str, Goal] = {}
-        """The goals that still need polling."""
+        """The goals that need polling."""
         self._report: ReportCallback = _ignore
         self._timer: Timer | None = None
         self._next_poll = inf
         """The time of the next timer event."""
         self._went_well = True
-        """Whether the last poll had no error. Otherwise goals may be due that could not be polled."""
+        """Whether the last poll had no error. After an error, goals may be due that were not polled."""
         self._errors: set[str] = set()
-        """Errors that were logged; empty: there has been a poll without one since."""
+        """Errors logged since the last poll without one."""
         self._stop: StopAll | None = None
         self._reported: RobotHealth | None = None
         """The robot's state in the last report."""
         self._grace_until = inf
         self._seen_at: float | None = None
         self._uncompared: set[str] = set()
-        """Names of endpoints that do not announce their types, once they were noted."""
+        """Endpoints that do not announce their types, and were noted already."""
         self._other_clients: set[str] = set()
-        """Other nodes that may move the robot, once they were noted."""
+        """Other nodes that may move the robot, and were noted already."""
         self._is_connected = self._closed = False
         self._estop: EstopInput | None = None
         self._held_by: Sequence[str] = ()
@@ -117,11 +117,11 @@ class Ros2Robot:
             if isinstance(shared, TopicEndpoint):
                 other = next(each for each in endpoint_of if endpoint_of[each] is shared)
                 resets = [self._profile.actions[each].carrier.get("reset") for each in (other, action)]
-                if resets[0] != resets[1]:  # of one name that the profile writes in two ways
+                if resets[0] != resets[1]:  # two spellings of one name in the profile
                     raise PortError(f"the resets of {other} and {action}, which both go to {shared.name}, differ")
                 shared.is_harmless = shared.is_harmless and mapping.harmless
         self._endpoint_of = endpoint_of
-        """By the action's name in the profile; actions may share one."""
+        """By the action's name in the profile. Actions may share an endpoint."""
         self._endpoints = tuple(made.values())
         self._turn = cycle(self._endpoints)
 
@@ -139,11 +139,11 @@ class Ros2Robot:
     # --- the port -----------------------------------------------------------------------------------------------
 
     def connect(self, report: ReportCallback) -> None:
-        """Begin. Discovery takes time: reports start when every server is there, or the longest deadline is over."""
+        """Begin. Discovery takes time: reports start when every server is present, or the longest deadline is over."""
         self._report, self._is_connected = report, True
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
-        if goals := health.open_goals(self._endpoints):  # first: nobody has seen yet what the robot is doing
+        if goals := health.open_goals(self._endpoints):  # first: nothing is known yet about the robot
             why = "goals were open when an engine ended; the robot is asked about them"
             self._report(RobotChanged(status="degraded", detail=why, open=goals))
         for endpoint in self._endpoints:
@@ -176,7 +176,7 @@ class Ros2Robot:
     def release_open_goals(self, part: str) -> None:
         for goal in self._goals_at(part):
             goal.release()
-        self._reported = None  # even for a lost robot
+        self._reported = None  # report the state even if the robot is lost
         self._report_standing()
 
     def _goals_at(self, part: str) -> list[Goal]:
@@ -202,7 +202,7 @@ class Ros2Robot:
             return
         if self._stop is not None and self._stop.is_answered:
             self.end_stop()
-        if self._leftovers.first is not None:  # unless a person does, the engine cancels that after 5 s
+        if self._leftovers.first is not None:  # otherwise the engine cancels that after 5 s
             server = mapping.deadlines.server + mapping.deadlines.cancel
             mapping = replace(mapping, deadlines=replace(mapping.deadlines, server=server))
         try:
@@ -219,8 +219,7 @@ class Ros2Robot:
         self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
-        """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
-        later."""
+        """Make a goal from a message with present values; later messages are made when needed. Raises ValueError."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
@@ -239,7 +238,7 @@ class Ros2Robot:
             goal.cancel()
 
     def stop_all(self) -> None:
-        """Stop everything. A repeated call asks the robot again, but gets only one answer."""
+        """Stop everything. A repeated call asks the robot again; only one report follows."""
         if self._stop is not None:
             self._stop.abandon()
         topics = [each for each in self._endpoints if isinstance(each, TopicEndpoint)]
@@ -251,17 +250,17 @@ class Ros2Robot:
         self._stop.begin()
 
     def end_stop(self) -> None:
-        """Stop nothing more, because the stop was released."""
+        """End the stop, because it was released."""
         if self._stop is not None:
             self._stop.abandon()
             self._stop = None
 
     def _make_reset(self, mapping: ActionMapping, goal: str) -> Message | None:
-        """What takes back everything on a topic, also what others have published there."""
+        """The message that takes back everything on a topic, also what other programs have published."""
         return mapping.make_reset(node=self._transport.node, goal=goal, frame=self._frame)
 
     def last_seen(self) -> float | None:
-        """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""
+        """When a server was last present: its lease renews that. ROS offers no other sign of life."""
         if any(endpoint.presence.count for endpoint in self._endpoints):
             self._seen_at = self.clock.now()
         return self._seen_at
@@ -279,22 +278,22 @@ class Ros2Robot:
             self._timer.cancel()
         if self._estop is not None:
             self._estop.close()
-        # A request that has just been sent could be lost with its client.
+        # The middleware could lose a request if its client closed immediately.
         self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
     def switch_transport(self, transport: Transport) -> None:
-        """Go on over another transport, because the previous one has failed. Running goals are lost. The owner closes
+        """Continue on another transport, because the previous one has failed. Running goals are lost. The owner closes
         both.
 
-        Raises PortError when a type is not available there.
+        :raises PortError: a type is not available there.
         """
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
         self._transport = transport
-        self._open_estop()  # first: whatever fails there, the button is heard
+        self._open_estop()  # first, so that the button is heard even if the rest fails
         for endpoint in self._endpoints:
             endpoint.move_to(transport)
-        if self._stop is not None:  # what is found there is asked, too
+        if self._stop is not None:  # newly found servers are asked, too
             self.stop_all()
         self._poll()
 
@@ -328,7 +327,7 @@ class Ros2Robot:
             self._stop.poll()
 
     def _note_open(self, goal: Goal) -> None:
-        """Note a goal that ends here and may still run, so that it holds its part. People hear this before its end."""
+        """Let a goal that ends here but may still run hold its part. This is reported before its end."""
         was_open = goal.action in goal.endpoint.open
         is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
         if is_open:
@@ -339,14 +338,14 @@ class Ros2Robot:
             self._report_standing()
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
-        """Our goals there. One that somebody has released is judged by what the server says, like those of others."""
+        """Our goals at an endpoint. A released goal is judged by the server's status, like those of other clients."""
         ours = [goal for goal in self._by_id.values() if goal.endpoint is endpoint]
         return {goal.id: goal for goal in ours if not (goal.is_unknown or goal.is_released)}
 
     # --- polling ------------------------------------------------------------------------------------------------
 
     def _set_timer(self) -> None:
-        """Poll again when the first goal needs it, and soon in any case."""
+        """Set the timer for the next due goal, and for the next regular poll."""
         if self._closed:
             return
         if any(goal.phase == "waiting" for goal in self._live.values()):
@@ -386,8 +385,7 @@ class Ros2Robot:
         self._set_timer()
 
     def _attempt(self, steps: Iterable[Callable[[], object]]) -> None:
-        """Do all of these. An error of one (a mistake of ours, or of the middleware) keeps none of the others from it,
-        and is logged once while it lasts."""
+        """Do all steps. An error of one does not prevent the others, and is logged once while it lasts."""
         for step in steps:
             try:
                 step()
@@ -398,9 +396,9 @@ class Ros2Robot:
                     _LOG.exception("a part of the robot could not be asked or told")
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
-        """Check which servers are there (all, unless some are named), and tell their goals. Endpoints that appear or
-        change are compared with the profile. One other endpoint is also compared each time, because a program can be
-        replaced between two polls."""
+        """Check which servers are present (all, or the given ones), and notify their goals. Endpoints that appear or
+        change are compared with the profile. So is another one each time, because its program may change between two
+        polls."""
         turn = next(self._turn, None) if some is None else None
         polled = tuple(self._endpoints if some is None else some)
         self._attempt(partial(self._poll_endpoint, endpoint, turn) for endpoint in polled)
@@ -408,7 +406,7 @@ class Ros2Robot:
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":
-            self._report_standing()  # report the loss first, so that nothing new is begun in response
+            self._report_standing()  # report the loss first, so that nothing new begins in response
         for endpoint in changed:
             endpoint.told = endpoint.others
             there = [goal for goal in self._goals.values() if goal.endpoint is endpoint]
@@ -459,18 +457,18 @@ class Ros2Robot:
             self._report(RobotChanged(status=now.status, detail=detail, open=now.open))
 
     def _is_discovering(self) -> bool:
-        """Whether missing endpoints may still be found, or the emergency stop may still say its state."""
+        """Whether missing endpoints may still be found, or the emergency stop may still report its state."""
         if self._estop is not None and self._estop.is_new:
             return True
         is_early = self.clock.now() + TIMER_TOLERANCE < self._grace_until
         return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 
     def _report_lost(self, detail: str) -> None:
-        """Report that the whole robot is lost. Unsent goals have failed; the state of the others is unknown."""
+        """Report that the whole robot is lost. Unsent goals have failed. The state of the others is unknown."""
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.may_be_running:
-                goal.endpoint.open[goal.action] = goal  # it would be there in a moment; this way it is reported once
+                goal.endpoint.open[goal.action] = goal  # already now, so that the loss is reported once
         now = self._assess_health()
         self._reported = RobotHealth("lost", now.faults, now.open)
         for goal in goals:
@@ -496,7 +494,7 @@ class Ros2Robot:
             self._stop.poll()
 
     def _look_for_unknown(self, endpoint: ActionEndpoint) -> None:
-        """Look once at what a server is doing when it is found. Goals of an earlier engine are known by then."""
+        """Check once what a newly found server is doing. Goals of an earlier engine are known by then."""
         if self._is_connected and not endpoint.was_heard:
             endpoint.was_heard = True
             type = next(action for action, its in self._endpoint_of.items() if its is endpoint)
@@ -504,8 +502,8 @@ class Ros2Robot:
                 self._adopt_unknown(type, id)
 
     def _adopt_unknown(self, type: str, id: bytes) -> None:
-        """Take over a goal that ran before this session found the server. Nothing else goes there beside it. Its name
-        tells its whole id to an engine that continues the session. (Short ids of earlier versions do not.)"""
+        """Take over a goal that ran before this session found the server. Its server gets nothing else meanwhile. Its
+        name contains the whole id, for an engine that continues the session. (Short ids of earlier versions do not.)"""
         endpoint = self._endpoint_of[type]
         if isinstance(endpoint, ActionEndpoint) and len(id) == len(ALL_GOALS):
             goal = StartAction(f"{UNKNOWN_GOAL}{id.hex()}", type, {}, 0.0, goal=id.hex())
@@ -514,7 +512,7 @@ class Ros2Robot:
             made.adopt(accepted=True, unknown=True)
 
     def _forget_oldest(self) -> None:
-        """Keep the number of remembered goals bounded."""
+        """Limit the number of remembered goals."""
         if len(self._goals) <= MAX_REMEMBERED:
             return
         goals = self._goals.values()
@@ -527,4 +525,4 @@ class Ros2Robot:
 
 
 def _ignore(report: RobotReport) -> None:
-    """Do nothing: nobody listens before `connect` and after `close`."""
+    """Do nothing. This is the report callback before `connect` and after `close`."""

@@ -1,13 +1,13 @@
 """Goals at services and topics.
 
-A service carries an action as one call with its response. Nothing takes a call back: stopping the action ends it for
-the engine, but the robot may go on until it answers, also while its program is out of sight. Until it answers, or
-another program offers the service, nothing else is sent there.
+A service carries an action as one call with its response. No call can be cancelled: cancelling the action ends it for
+the engine, but the robot may continue until it answers, also while its program is out of sight. Until it answers, or
+another program offers the service, the service gets no other call.
 
-A topic carries an action as a message, sent once or at a rate. The action takes its expected time, and the profile's
-reset takes it back. Nobody answers on a topic, so a listener counts as acceptance, and the end of the time as success.
-The goal is open until whoever has its message has heard the reset (`Listeners`). A message that is repeated goes to
-those who listened at its start and to nobody else, because a base that comes up must not begin in the middle.
+A topic carries an action as a message, sent once or at a rate. The action lasts its expected time, and the profile's
+reset takes it back. A topic gives no answer, so a listener counts as acceptance, and the end of the time as success.
+The goal is open until every program with its message has received the reset (`Listeners`). Only the listeners at its
+start get repetitions, because a base that starts up must not begin midway.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rise_engine.ports.robot import Timer
 # --- topics -----------------------------------------------------------------------------------------------------------
 
 STANDSTILL_SECONDS, STANDSTILL_PERIODS = 1.0, 3.0
-"""After a longer pause between two repetitions, in seconds and in periods, the goal ends."""
+"""A longer pause between two repetitions, in seconds and in periods, ends the goal."""
 
 
 class TopicGoal:
@@ -54,16 +54,16 @@ class TopicGoal:
         self._rate = mapping.rate
         self._sent_at = -inf
         self._suspended = 0.0
-        """`suspended_seconds` at that time."""
+        """`suspended_seconds` at `_sent_at`."""
         self._listeners: frozenset[bytes] = frozenset()
-        """The programs that its message goes to, from its first time on."""
+        """The programs that listened at its first message."""
         self._repeat: Timer | None = None
         self._expected = goal.expected
         self._waiting = Waiting(host, mapping.deadlines.server)
         self._deadline = self._waiting.until
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over a message that an earlier engine has published; it ends when it is reset."""
+        """Take over a message that an earlier engine has published; the reset ends it."""
         self.phase = "ended"
         self.may_be_running = True
         if self._is_stoppable:
@@ -146,17 +146,17 @@ class TopicGoal:
             self._check_open()
 
     def _check_listeners(self) -> bool:
-        """End it if others listen than at its start. Returns whether they are the same."""
+        """End the goal if the listeners differ from those at its start. Returns whether they are the same."""
         now = self.endpoint.find_listeners()
         if self._listeners - now:
             self.on_server_gone()
-        elif now != self._listeners:  # somebody may stand at the switch of a base that has just come up
+        elif now != self._listeners:  # a person may stand beside a base that has just started up
             name = self.endpoint.name
             self._end("aborted", f"server-restarted: something else listens to {name} now, and must not begin midway")
         return now == self._listeners
 
     def _check_open(self) -> None:
-        """Look whether somebody may still be doing it, after its end."""
+        """Check, after its end, whether a listener may still carry it out."""
         is_open = self.endpoint.is_open(self)
         if self._is_stoppable and is_open != self.may_be_running:
             self.may_be_running = is_open
@@ -190,7 +190,7 @@ class TopicGoal:
             return
         silent = self._host.clock.now() - self._sent_at + suspended_seconds() - self._suspended
         if silent > max(STANDSTILL_SECONDS, STANDSTILL_PERIODS / self._rate):
-            # The robot's own watchdog may have stopped it, and somebody may stand before it.
+            # The robot's own watchdog may have stopped it, and a person may stand in front of it.
             self._end("aborted", f"standstill: the session was silent for {silent:.1f} s, so the robot does not go on")
             return
         try:
@@ -205,7 +205,7 @@ class TopicGoal:
         self.phase = "ended"
         if self._repeat is not None:
             self._repeat.cancel()
-        is_user = self.endpoint.user is self  # a later goal has the topic to itself
+        is_user = self.endpoint.user is self  # otherwise the topic belongs to a later goal
         if is_user and self._is_stoppable:
             self.endpoint.take_back(self)
         elif is_user:
@@ -229,7 +229,7 @@ class ServiceGoal:
         make_request: Callable[[], Message],
         limit: float,
     ) -> None:
-        """`limit`: seconds until the kernel gives the call up."""
+        """:param limit: seconds until the kernel gives up the call."""
         self.action = goal.action
         self.type = goal.type
         self.phase: Phase = "waiting"
@@ -244,11 +244,11 @@ class ServiceGoal:
         self._limit_at = host.clock.now() + limit
         self._ended_at = 0.0
         self._called: frozenset[bytes] = frozenset()
-        """The programs that offered the service when it was called."""
+        """The programs that offered the service at the time of the call."""
         self._is_adopted = False
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over a call of an earlier engine; its answer reaches nobody."""
+        """Take over a call of an earlier engine. Its answer cannot arrive here."""
         self.phase = "ended"
         self.may_be_running = self._is_adopted = True
         self._host.on_goal_changed(self)
@@ -311,12 +311,12 @@ class ServiceGoal:
         return endings.of_missing_server(self.endpoint, 0)
 
     def on_server_gone(self) -> None:
-        """The program may only be out of sight, and go on with the call."""
+        """End the goal. The program may only be out of sight, and continue with the call."""
         if self.phase == "running":
             self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """Another program does not know the call, and the one that had it is gone."""
+        """End the goal if another program offers the service: the one that had the call is gone."""
         programs = self.endpoint.comparison.programs
         if not (self.may_be_running and self._called and programs) or self._called & programs:
             return
@@ -361,6 +361,6 @@ class ServiceGoal:
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
-        """Note that nothing of it still runs on the robot."""
+        """Note that nothing of it runs on the robot any more."""
         self.may_be_running = False
         self._host.on_goal_changed(self)

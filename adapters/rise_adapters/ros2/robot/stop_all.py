@@ -1,16 +1,15 @@
-"""Stop-all: every action server of the robot is asked to cancel everything, including other clients' goals. Each answer
-counts.
+"""Stop-all: every action server of the robot is asked to cancel everything, including other clients' goals.
 
 A server has confirmed when it has answered and every known goal there has ended. Our goals end with their results,
-others with the server's status topic. A goal that the answer does not name is asked about by its id, because the last
-status may come from before a restart of the server. If the server has not answered one of our goals, that goal may
-still begin, so it has not ended. Servers that cannot confirm are named with the reason. A missing server never counts
-as confirmed, even if nothing was known to run there, because it could not be asked.
+those of others with the server's status topic. If the answer does not name a goal, the server is asked about its id,
+because its last status may be from before a restart. A goal of ours that the server has not answered may still begin,
+so it has not ended. The report names the servers that cannot confirm, with the reason. A missing server never counts as
+confirmed, because it could not be asked.
 
-The first report comes when all have confirmed, or after ANSWER_SECONDS. Later changes are reported again until
-something is started: a goal that begins or ends late, or a server that returns and is then asked. If somebody else
-begins a goal after the report, the confirmation is withdrawn until the next stop. That goal is not ours to cancel, but
-the people in front of the robot must know.
+The first report comes when all have confirmed, or after ANSWER_SECONDS. Later changes are reported until something is
+started: a goal that begins or ends late, or a server that returns and is then asked. If another client begins a goal
+after the report, the confirmation is withdrawn until the next stop. That goal is not ours to cancel, but the wizard
+must know of it.
 """
 
 from __future__ import annotations
@@ -38,14 +37,14 @@ from rise_engine.ports.robot import Clock, Timer
 _LOG = logging.getLogger(__name__)
 
 ANSWER_SECONDS = 2.5
-"""Seconds until the report; the kernel waits STOP_LIMIT, 3 s."""
+"""Seconds until the report. The kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""Seconds after which a server that has not answered is asked again, until the first report ..."""
+"""Seconds until a server that has not answered is asked again, before the first report."""
 SLOW_REPEAT_SECONDS = 2.0
-"""... and afterwards: a request while it stood still may be lost."""
+"""The same after the first report. A request during a standstill of the server may be lost."""
 
 MAX_BY_ID = 20
-"""The most goals of others that one server is asked about by id in one stop."""
+"""The maximum number of other clients' goals that one server is asked about by id in one stop."""
 
 FindGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
 """Our remembered goals at a server, by id."""
@@ -57,35 +56,35 @@ class CancelAll:
     def __init__(self, endpoint: ActionEndpoint, find_goals: FindGoals) -> None:
         self.endpoint = endpoint
         self.answer: CancelResponse | None = None
-        """Of the servers that are there now."""
+        """The answer of the present servers."""
         self.is_asked = False
-        """Whether those servers were asked."""
+        """Whether the present servers were asked."""
         self._servers = endpoint.presence.changes
         self._own_goals = partial(find_goals, endpoint)
         self._known: set[bytes] = set()
-        """Goals that it is cancelling, or reported as unfinished."""
+        """Goals that it is cancelling, or has reported as unfinished."""
         self._stopping: set[bytes] = set()
         """Goals that it confirmed to cancel."""
         self._listed: set[bytes] = set()
-        """Goals that its status topic has named. When it no longer names one, that goal is over."""
+        """Goals that its status topic has named. One that it no longer names is over."""
         self._asked_by_id: set[bytes] = set()
-        """Goals of others that it was asked about one by one ..."""
+        """Other clients' goals that it was asked about by id."""
         self._over: set[bytes] = set()
-        """... and that it reported as unknown or over."""
+        """Those of them that it reported as unknown or over."""
         self._has_confirmed = False
         self.is_over = False
-        """Whether the stop is over: others may begin things again, and late answers change nothing there."""
+        """Whether the stop is over: other clients may begin goals again, and late answers have no effect."""
         self.is_reported = False
-        """From now on, goals that others begin there are left to them, and reported."""
+        """Whether the stop was reported. After that, goals that other clients begin are only reported."""
         self._moved_since = False
-        """Whether somebody else has begun something there since the report."""
+        """Whether another client has begun a goal there since the report."""
 
     def ask(self, changed: Callable[[], None]) -> None:
         """Ask it to cancel everything. `changed` is called with each answer."""
         self.is_asked = True
         try:
             self.endpoint.client.cancel(ALL_GOALS, partial(self._take_answer, self._servers, changed))
-        except Exception as error:  # the others must be asked, whatever it is
+        except Exception as error:  # the other servers must be asked after any error
             _LOG.warning("%s could not be asked to stop: %s", self.endpoint.name, error)
 
     def _take_answer(self, servers: int, changed: Callable[[], None], answer: CancelResponse) -> None:
@@ -103,12 +102,12 @@ class CancelAll:
 
     @property
     def _has_rejected(self) -> bool:
-        """Whether it has answered that it does something and stops nothing. That confirms nothing."""
+        """Whether it answered that goals run and it cancels none. Such an answer confirms nothing."""
         return self.answer is not None and self.answer.code == CANCEL_REJECTED and not self.answer.goals
 
     @property
     def owes_answer(self) -> bool:
-        """Whether it must be asked, again or for the first time. What it does not stop, its status may not show."""
+        """Whether to ask it, again or for the first time. Its status may not show a goal that it does not stop."""
         return self.answer is None or (self._has_rejected and not self.find_running())
 
     def find_running(self) -> set[bytes]:
@@ -126,13 +125,13 @@ class CancelAll:
         return {id for id, goal in own.items() if goal.may_be_running} | others
 
     def is_confirmed(self) -> bool:
-        """Whether the one server, present or gone since it confirmed, has answered, and nothing runs there."""
-        running = self.find_running()  # also notes listed goals, so it is called first
+        """Whether the one server, present or gone since it confirmed, has answered, and no goal runs there."""
+        running = self.find_running()  # first, because it also notes listed goals
         presence = self.endpoint.presence
         if presence.changes != self._servers:
             self._servers = presence.changes
             self.answer, self.is_asked = None, False
-            self._over.clear()  # another server said so, perhaps one that has gone
+            self._over.clear()  # another server said so
             self._asked_by_id.clear()
             self._has_confirmed = self._has_confirmed and not presence.count
         if running and self._has_confirmed:
@@ -169,7 +168,7 @@ class CancelAll:
         return "still running"
 
     def _is_stopping(self, goals: set[bytes]) -> bool:
-        """Whether it has confirmed that it stops all these goals."""
+        """Whether it has confirmed to stop all these goals."""
         statuses, own = self.endpoint.client.statuses, self._own_goals()
         return all(
             goal in self._stopping
@@ -179,8 +178,8 @@ class CancelAll:
         )
 
     def _ask_about_others(self, changed: Callable[[], None]) -> None:
-        """Ask about goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
-        `changed` is called with each answer."""
+        """Ask about other clients' goals that seem to run and that its answer does not name. Our goals ask for
+        themselves."""
         unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
         for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
             self._asked_by_id.add(goal)
@@ -234,7 +233,7 @@ class StopAll:
 
     @property
     def is_answered(self) -> bool:
-        """Whether it was reported at least once."""
+        """Whether it was reported."""
         return self._reported is not None
 
     def begin(self) -> None:
@@ -244,9 +243,9 @@ class StopAll:
         """Check after a change whether all have confirmed."""
         if self._is_abandoned:
             return
-        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # calls all of them: see `find_running`
+        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all of them: see `find_running`
         if self._reported is not None:
-            self._ask(cancel for cancel in self._cancels if not cancel.is_asked)  # newly appeared
+            self._ask(cancel for cancel in self._cancels if not cancel.is_asked)  # newly found
             if self._make_report() != self._reported:
                 if self._timer is None:
                     self._timer = self._clock.call_at(self._clock.now() + REPEAT_SECONDS, self._keep_asking)
@@ -263,7 +262,7 @@ class StopAll:
             self._timer.cancel()
 
     def _keep_asking(self) -> None:
-        """Ask those that have not answered, and ask again later, until all have confirmed."""
+        """Ask the servers that have not answered, now and later, until all have confirmed."""
         self._timer = None
         now = self._clock.now()
         if self._reported is None and now + TIMER_TOLERANCE >= self._until:
@@ -302,13 +301,13 @@ class StopAll:
         calls = [f"{each.label} (nothing stops a call of a service)" for each in self._services if each.open]
         return StopReport(
             confirmed=tuple(sorted(confirmed)),
-            unconfirmed=(*sorted(unconfirmed), *sorted(topics)),  # those last that can never confirm
+            unconfirmed=(*sorted(unconfirmed), *sorted(topics)),  # last: those that can never confirm
             unstoppable=tuple(sorted([*self._unstoppable, *calls])),
         )
 
 
 def _why_topic_unconfirmed(topic: TopicEndpoint) -> str:
-    """Why a topic has not confirmed, for a person. (Those who listen are told by `TopicEndpoint.tell`.)"""
+    """Why a topic has not confirmed, for a person. (`TopicEndpoint.tell` sends the reset to its listeners.)"""
     if topic.presence.count:
         return "told to stop; a topic gives no answer" if topic.was_told else NOT_HEARD
     return topic.misfit_kind or ("gone" if topic.presence.was_seen else "never seen")

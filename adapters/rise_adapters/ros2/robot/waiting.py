@@ -1,4 +1,4 @@
-"""The time in which an action waits for its part of the robot, and what becomes of it."""
+"""The time that an action waits for its part of the robot, and its outcome."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, GoalHost
 from rise_engine.base.suspend import suspended_seconds
 
 MOST_LATE_SECONDS = 1.0
-"""Seconds by which a waiting action may begin after its deadline."""
+"""Maximum delay in seconds after the deadline with which a waiting action may begin."""
 
 
 class Waiting:
-    """One action's waiting. It goes on while the computer sleeps and the session's clock stands still."""
+    """The wait of one action. It continues while the computer sleeps and the session's clock stands still."""
 
     def __init__(self, host: GoalHost, seconds: float) -> None:
         self.until = host.clock.now() + seconds
@@ -25,9 +25,9 @@ class Waiting:
     def poll(
         self, endpoint: Endpoint, begin: Callable[[], None], why_absent: Callable[[bool], Outcome | None]
     ) -> Outcome | None:
-        """Begin the action if that is possible now. Returns its ending if it is not, and will not be.
+        """Begin the action if that is possible now. Returns its ending if it can never begin.
 
-        :param why_absent: the ending if its part is not ready; gets whether the time is over.
+        :param why_absent: returns the ending if its part is not ready; gets whether the time is over.
         """
         endpoint.compare()
         held = self._host.why_held()

@@ -1,7 +1,7 @@
 """The action `rise/domain_task`: other nodes submit tasks, follow them, and cancel them.
 
-A goal is accepted with its task, once that is on the disk, and ends with it. When its client disappears, the goal goes
-on, like every task whose wizard has gone. ROS does not tell a server of this anyway.
+A goal is accepted with its task, once that is on the disk, and ends with it. If its client disappears, the goal
+continues, like every task whose wizard has gone. ROS does not report this to a server.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ _LOG = logging.getLogger(__name__)
 DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/DomainTask"
 
 MAX_UNDECIDED = 1000
-"""The most goals that wait for the engine or the disk."""
+"""Maximum number of goals that wait for the engine or the disk."""
 MAX_OPEN = 1000
-"""The most acts and rules that goals have started and that have not ended."""
+"""Maximum number of unfinished acts and rules started by goals."""
 MAX_RELEASING = 10
-"""The most goals that wait to release a stop."""
+"""Maximum number of goals that wait to release a stop."""
 MAX_REFUSALS_NOTED = 100
-"""The most different refusals to release a stop that go to the record."""
+"""Maximum number of different refusals to release a stop in the record."""
 KNOWN_SECONDS, KNOWN_POLL = 1.0, 0.05
-"""Seconds for which a node that releases a stop may still be unknown, because its goal can arrive before its name."""
+"""Seconds for which a node that releases a stop may be unknown: its goal can arrive before its name."""
 FETCH_SECONDS, FETCH_POLL = 0.5, 0.01
-"""Seconds for which results of goals that end with the session wait for their clients."""
+"""Seconds that results of goals wait for their clients at the end of the session."""
 
 
 class _GoalTask(Struct):
-    """The facts about a goal's task (`ServerGoal.data`)."""
+    """The task of a goal (`ServerGoal.data`)."""
 
     id: int = 0
     source: str = ""
@@ -67,7 +67,7 @@ class DomainTaskServer:
         wake: Callable[[], object],
     ) -> None:
         """`client`: submits the tasks. `topics` publish tasks that never reach the record. `wake` is called when `work`
-        has something to do. Raises PortError when the transport does not have the type."""
+        is needed. Raises PortError if the transport does not have the type."""
         self.refused = 0
         """Goals that were rejected without a task."""
         self._transport = transport
@@ -77,22 +77,22 @@ class DomainTaskServer:
         self._wake = wake
         self._loop = asyncio.get_running_loop()
         self._answers: deque[Callable[[], object]] = deque()
-        """Results that still have to be sent to clients."""
+        """Results that must still be sent to clients."""
         self._cancels: deque[tuple[ServerGoal, Decide]] = deque()
         self._goals: deque[ServerGoal] = deque()
-        """Goals that still have to be submitted."""
+        """Goals that must still be submitted."""
         self._submitted: dict[str, ServerGoal] = {}
-        """Goals that were submitted and are not accepted yet, by id."""
+        """Submitted goals that were not accepted yet, by id."""
         self._running: dict[int, ServerGoal] = {}
         """Goals whose task has not ended, by task."""
         self._ended_here: list[ServerGoal] = []
-        """Goals that ended because the session or this server has."""
+        """Goals that ended because the session or this server ended."""
         self._releasing: set[bytes] = set()
         """Goals that wait to release a stop until their node is known."""
         self._refused_releases: set[str] = set()
-        """Refusals that are already in the record."""
+        """Refusals that the record has already."""
         self._gone = ""
-        """Why no more goals are accepted."""
+        """Why no more goals are accepted; empty: they are."""
         self._server = ActionServer(
             transport,
             DOMAIN_TASK,
@@ -110,11 +110,11 @@ class DomainTaskServer:
 
     @property
     def waiting(self) -> int:
-        """The number of goals that are neither accepted nor rejected."""
+        """The number of goals that were neither accepted nor rejected."""
         return len(self._goals) + len(self._submitted)
 
     def work(self) -> bool:
-        """Do one piece of each kind of waiting work; false when there was none."""
+        """Do one piece of each kind of waiting work. False: there was none."""
         did = bool(self._answers or self._cancels or self._goals)
         if self._answers:
             self._send_answer(self._answers.popleft())
@@ -125,7 +125,7 @@ class DomainTaskServer:
         return did
 
     def end_all(self, reason: str) -> None:
-        """End all goals, so that none waits for something that never comes."""
+        """End all goals, so that none waits forever."""
         while self._answers:
             self._send_answer(self._answers.popleft())
         while self._goals:
@@ -149,7 +149,7 @@ class DomainTaskServer:
         await asyncio.sleep(0)
 
     async def _wait_for_fetches(self) -> None:
-        """Wait for clients that have just heard of an acceptance and will now ask for the result."""
+        """Wait for clients that have just got an acceptance and will now request the result."""
         for _ in range(round(FETCH_SECONDS / FETCH_POLL)):
             if all(goal.is_result_fetched for goal in self._ended_here):
                 return
@@ -194,7 +194,7 @@ class DomainTaskServer:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
     def _take_reply(self, goal: ServerGoal, reply: client_protocol.Reply) -> None:
-        """Take in whether the session accepts the task. It may be called in a step, so the answer is sent later."""
+        """Process whether the session accepts the task. This may be called in a step, so the answer is sent later."""
         self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
         if not reply.accepted:  # its records give the reason, if it has any
@@ -207,7 +207,7 @@ class DomainTaskServer:
         task.records = []
 
     def _refuse(self, goal: ServerGoal, reason: str) -> None:
-        """Reject a goal that has not reached the record. The topic gives the reason, because the wire cannot."""
+        """Reject a goal that did not reach the record. The topic gives the reason, because the answer cannot."""
         submit = _make_submit(goal)
         self.refused += 1
         goal.reject()
@@ -229,8 +229,8 @@ class DomainTaskServer:
     # --- releasing a stop ---------------------------------------------------------------------------------------
 
     def _release_stop(self, goal: ServerGoal, until: float) -> None:
-        """Release a stop for a node. Only the wizard with control and nodes that the scenario names may do this. The
-        node gives its own name, and must be visible here as a client of the action; ROS offers no better proof."""
+        """Release a stop for a node. Only the wizard with control and nodes named in the scenario may do this. The node
+        gives its own name, and must be visible here as a client of the action. ROS offers no better proof."""
         self._releasing.discard(goal.id)
         if goal.is_decided:
             return
@@ -260,7 +260,7 @@ class DomainTaskServer:
     # --- results ------------------------------------------------------------------------------------------------
 
     def take_record(self, record: TaskRecord) -> None:
-        """Take in the record of a task, in the engine's step."""
+        """Process the record of a task, in the engine's step."""
         goal = self._running.get(record.id)
         if goal is None:
             goal = self._submitted.get(record.ref) if record.ref is not None else None
@@ -295,7 +295,7 @@ class DomainTaskServer:
 
     def _cancel_task(self, goal: ServerGoal, decide: Decide) -> None:
         task = _task_of(goal).id
-        if task not in self._running:  # it has ended; its client will be told
+        if task not in self._running:  # it has ended, and its client gets the result
             self._answer_later(partial(decide, False))
             return
         submit = Submit(function="cancelTask", behavior=str(task))
@@ -308,7 +308,7 @@ class DomainTaskServer:
 
 
 def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
-    """Bring a goal to the state of its task."""
+    """Update a goal to the state of its task."""
     result = {"status": record.status, "reason": record.reason, "task": record.id}
     match record.status:
         case "SUCCEEDED":
@@ -350,4 +350,4 @@ def _task_of(goal: ServerGoal) -> _GoalTask:
 
 
 def _ignore(reply: client_protocol.Reply) -> None:
-    """Ignore an answer that nobody waits for."""
+    """Ignore an answer."""

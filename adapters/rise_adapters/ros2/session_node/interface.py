@@ -2,13 +2,13 @@
 
     rise/domain_task    action rise_interfaces/action/DomainTask: submit a task, follow it, cancel it
     rise/get_memory     service rise_interfaces/srv/GetMemory: one key of the working memory
-    rise/rule_state     what rules do, and in which state they are
-    rise/task_state     what becomes of tasks, whoever submitted them
+    rise/rule_state     the steps and states of rules
+    rise/task_state     the status of all tasks
     rise/record         every record of the session
-    /diagnostics        how session, robot, recording and connection are, once a second
+    /diagnostics        the state of session, robot, recording and connection, once a second
 
-The engine's loop stays free for a wizard's key in any case: goals, requests to cancel, and outgoing records are handled
-in slices, and the number that waits is bounded.
+The engine's loop stays free for a wizard's key: goals, requests to cancel and outgoing records are handled in slices,
+and their waiting number is bounded.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class MemoryService:
     """Answers from the view of the session, so that it never waits for the engine."""
 
     def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
-        """`private`: for its values, clients get only `{key}`. Raises PortError when the transport lacks the type."""
+        """`private`: clients get `{key}` instead of its values. Raises PortError if the transport lacks the type."""
         self._private = private
         self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
@@ -81,14 +81,14 @@ OK, WARN, ERROR, STALE = range(4)
 """Levels of diagnostic_msgs/msg/DiagnosticStatus."""
 
 LAG_WARN, LAG_ERROR = 0.05, 0.5
-"""Seconds that the engine's loop may be late. A key that takes longer than the first number feels slow."""
+"""Maximum delays of the engine's loop in seconds. A key that takes longer than the first feels slow."""
 
 
 def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message, private: PrivateValues) -> list[Message]:
     """One DiagnosticStatus for each part of the session.
 
-    `lag`: the longest delay of the loop in seconds, recently and ever. `ros`: the status of the connection to ROS
-    itself. `private`: the values to leave out.
+    `lag`: the maximum delay of the loop in seconds, recently and ever. `ros`: the status of the connection to ROS.
+    `private`: the values to omit.
     """
     return [_session_status(hub, private), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
 
@@ -186,10 +186,10 @@ class RosSessionInterface:
     def __init__(
         self, transport: Transport, hub: SessionHub, neighbours: NeighbourSessions, *, rosout: bool = True
     ) -> None:
-        """Create it inside the running loop, before the engine starts, so that it misses no record. `neighbours`: other
+        """Create it in the running loop, before the engine starts, so that it misses no record. `neighbours`: other
         sessions under the same names. `rosout`: whether events also go to /rosout.
 
-        Raises PortError when the transport does not have the types of `rise_interfaces`.
+        Raises PortError if the transport does not have the types of `rise_interfaces`.
         """
         self._transport = transport
         self._hub = hub
@@ -197,7 +197,7 @@ class RosSessionInterface:
         self._loop = asyncio.get_running_loop()
         self._client = hub.attach("domain_task", "node", SOURCE)
         self._dropped = 0
-        """How many of the unpublished records were noted."""
+        """The number of unpublished records that were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
         self._private = PrivateValues(hub.engine.scenario)
@@ -234,7 +234,7 @@ class RosSessionInterface:
         return self._topics.publish_next() or did_task
 
     def _take_update(self, update: client_protocol.Update) -> None:
-        """Take in every record, in the engine's step."""
+        """Process every record, in the engine's step."""
         if self._closed or isinstance(update, client_protocol.JournalStatus | client_protocol.Heartbeat):
             return
         update = self._private.hide(update)  # listeners on ROS are not the wizard
@@ -244,7 +244,7 @@ class RosSessionInterface:
         self._slicer.wake()
 
     def _end_goals(self) -> None:
-        """End all goals because the session has ended, or this node does, so that none waits forever."""
+        """End all goals because the session or this node ends, so that none waits forever."""
         engine = self._hub.engine
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
@@ -273,7 +273,7 @@ class RosSessionInterface:
             _LOG.debug("no diagnostics: %s", error)
 
     def status(self) -> Message:
-        """The state of the connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
+        """The state of the connection, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
         others = self._neighbours.others
         level, message = OK, self._transport.about
@@ -300,4 +300,4 @@ class RosSessionInterface:
 
 
 def _ignore(reply: client_protocol.Reply) -> None:
-    """Ignore an answer that nobody waits for."""
+    """Ignore an answer."""

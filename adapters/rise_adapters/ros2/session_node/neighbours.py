@@ -1,15 +1,16 @@
-"""Other sessions on the same ROS network that conflict with this one. Some use the same names, so that nodes could not
-distinguish them, and each would carry out every task. Others use names in another namespace, but the same robot.
+"""Other sessions on the same ROS network that conflict with this one.
+
+Some use the same names: nodes could not distinguish them, and each would carry out every task. Others use names in
+another namespace, but the same robot.
 
 Every session announces itself on the topic `rise/session` (std_msgs/String, latched, JSON): `id`, `since` (nanoseconds
-since 1970), `state`, the carriers of its robot, and what a person needs to find it. While it serves, it repeats this
-twice a second. That is its sign of life; without it the reference wrapper stops the robot. A session that is about to
-begin announces that it is `asking`, and listens briefly. It gives way to a session that is `serving`, or that began to
-ask earlier; two sessions that begin together decide the same. A session that has crashed is silent, whatever the
-network still shows.
+since 1970), `state`, the carriers of its robot, and a description for people. While it serves, it repeats this twice a
+second as a sign of life; without it the reference wrapper stops the robot. A new session announces that it is `asking`,
+and listens briefly. It gives way to a session that is `serving`, or that began to ask earlier; two sessions that begin
+together decide the same. A crashed session is silent, even if the network still shows it.
 
-After that a session continues to listen. A session that appears later (because two networks are joined) is reported,
-and neither ends: a running study is not given up for an unknown one.
+A serving session continues to listen. It reports a session that appears later (because two networks are joined).
+Neither ends: a running study is not given up for an unknown one.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from rise_adapters.ros2.transport.port import Closable, Message, PortError, QoS,
 
 TOPIC, TYPE = "rise/session", "std_msgs/msg/String"
 LISTEN_SECONDS = 1.0
-"""Seconds to listen for others. Programs on one network need some hundredths of a second to find each other."""
+"""Seconds to listen for other sessions. Programs on one network find each other within some hundredths of a second."""
 LISTEN_LONGER_SECONDS = 1.0
-"""Further seconds if there is another session that has not announced itself yet."""
+"""Additional seconds if there is a session that has not announced itself."""
 LOOK_SECONDS = 0.1
-"""Seconds between two searches for sessions under other names while it listens ..."""
+"""Seconds between two searches for sessions under other names while it listens."""
 LOOK_BEATS = 10
-"""... and the same in signs of life, while it serves."""
+"""The same while it serves, in signs of life."""
 BEAT_SECONDS = 0.5
 """Seconds between two signs of life."""
 _POLL_SECONDS = 0.02
@@ -61,7 +62,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
     host: str = ""
     pid: int = 0
     carriers: tuple[str, ...] = ()
-    """The full names of the actions and topics with which it moves its robot."""
+    """The full names of the actions and topics that move its robot."""
 
     def __str__(self) -> str:
         title, folder, node, host = map(_keep_printable, (self.title, self.folder, self.node, self.host))
@@ -70,7 +71,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
 
     @property
     def rank(self) -> tuple[bool, int, str]:
-        """The rank of a session; of two, the one with the smaller rank stays."""
+        """The rank of a session. Of two sessions, the one with the smaller rank stays."""
         return self.state != "serving", self.since, self.id
 
 
@@ -80,8 +81,7 @@ class NeighbourSessions:
     def __init__(
         self, transport: Transport, me: SessionAnnouncement | None = None, carriers: Iterable[str] = ()
     ) -> None:
-        """`me`: the announcement on an earlier connection. `carriers`: unresolved names of the robot. Raises
-        PortError."""
+        """`me`: the announcement on an earlier connection. `carriers`: names of the robot. Raises PortError."""
         self.on_other_session: Callable[[SessionAnnouncement], object] = _ignore
         """Called with a session that appears while this one is serving."""
         self.announcement = me or SessionAnnouncement(
@@ -110,7 +110,7 @@ class NeighbourSessions:
         return sorted((each for each in self._others.values() if each.state == "serving"), key=lambda each: each.rank)
 
     async def find_earlier(self) -> SessionAnnouncement | None:
-        """Listen briefly; returns the session that this one must give way to, if any."""
+        """Listen briefly. Returns the session that this one must give way to, if any."""
         loop = asyncio.get_running_loop()
         until = loop.time() + LISTEN_SECONDS
         at_most = until + LISTEN_LONGER_SECONDS
@@ -124,20 +124,21 @@ class NeighbourSessions:
         return None if first is self.announcement else first
 
     def shared_with(self, other: SessionAnnouncement) -> list[str]:
-        """The carriers with which another session moves the same robot under other names; empty for the same names."""
+        """The carriers with which another session moves the same robot under other names; empty: the names are the
+        same."""
         if other.id in self._heard[self._transport.resolve(TOPIC)]:
             return []
         return [name for name in self.announcement.carriers if name in other.carriers]
 
     def announce_serving(self, title: str, folder: str) -> None:
-        """Announce that the names belong to this session from now on."""
+        """Announce that this session uses the names from now on."""
         self._announce(state="serving", title=title, folder=folder)
         for other in self.others:
             self.on_other_session(other)
         self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
 
     def close(self) -> None:
-        """Leave the names to others."""
+        """Give up the names."""
         if self._timer is not None:
             self._timer.cancel()
         self._announce(state="over")
@@ -145,9 +146,9 @@ class NeighbourSessions:
             handle.close()
 
     def _beat(self) -> None:
-        """Give a sign of life, and search for other sessions from time to time."""
+        """Send a sign of life, and sometimes search for other sessions."""
         if self._transport.failure():
-            return  # the next connection has its own announcements
+            return  # the next connection sends its own
         self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
         self._announce()
         self._beats += 1
@@ -169,7 +170,7 @@ class NeighbourSessions:
             self._subscriptions.append(self._transport.subscribe(topic, TYPE, take, qos))
 
     def _is_someone_silent(self) -> bool:
-        """Whether there are more possible speakers than have spoken."""
+        """Whether some possible sessions have not announced themselves."""
         return any(len(self._transport.publisher_endpoints(topic)) > len(ids) for topic, ids in self._heard.items())
 
     def _announce(self, **changes: str) -> None:
@@ -201,7 +202,7 @@ class NeighbourSessions:
 
 
 def describe_refusal(other: SessionAnnouncement, shared: Sequence[str], transport: Transport) -> list[str]:
-    """Why a session does not begin, and what to do. `shared`: the result of `NeighbourSessions.shared_with`."""
+    """Why a session does not begin, with the remedy. `shared`: the result of `NeighbourSessions.shared_with`."""
     if shared:
         return [
             f"another session moves the same robot ({transport.about}): {other}; both would use {_join_some(shared)}",
@@ -230,9 +231,9 @@ def _join_some(names: Sequence[str]) -> str:
 
 
 def _keep_printable(text: str) -> str:
-    """Text from others, made safe for a line on a screen."""
+    """Make text from other programs safe for a line on a screen."""
     return "".join(letter for letter in text if letter.isprintable())[:_MAX_CHARACTERS]
 
 
 def _ignore(other: SessionAnnouncement) -> None:
-    """Do nothing: nobody has subscribed."""
+    """Do nothing: there is no subscriber."""

@@ -1,10 +1,10 @@
 """The topics of a session's events: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`.
 
-`/rosout` is where people who work with ROS look first (`ros2 topic echo /rosout`, rqt_console). A session reports there
-that it began and ended, the state of the robot, stops, and what went wrong. `rise/record` has everything.
+People who work with ROS look at `/rosout` first (`ros2 topic echo /rosout`, rqt_console). A session reports there its
+start and end, the state of the robot, stops and faults. `rise/record` has everything.
 
-It is published as rcl does (rcl_interfaces/msg/Log, latched, 1,000 deep), but not through rclpy's logger. That logger
-also writes to standard error, and a pipe that nobody reads would block the session.
+It is published as by rcl (rcl_interfaces/msg/Log, latched, 1,000 deep), but not through rclpy's logger. That logger
+also writes to standard error, and an unread pipe would block the session.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ ROSOUT_QOS: Final = QoS(depth=1000, latched=True)
 INFO, WARN, ERROR = 20, 30, 40
 """Levels of rcl_interfaces/msg/Log."""
 _LONGEST = 1_000
-"""Characters of a line."""
+"""Maximum number of characters of a line."""
 
 LogLine: TypeAlias = tuple[int, str]
 """A level and a sentence."""
@@ -97,12 +97,12 @@ def log_line_for_record(record: AnyRecord) -> LogLine | None:
 _LOG = logging.getLogger(__name__)
 
 MAX_WAITING = 20_000
-"""The most records that wait to be published. Publishing them takes about 2 seconds."""
+"""Maximum number of waiting records. Publishing them takes about 2 seconds."""
 
 _NO_SEQ = 0
-"""For a task that never reached the record, whose numbers begin with 1."""
+"""The number of a task that never reached the record, whose numbers begin with 1."""
 REPEATED_STATUS = "repeated"
-"""The status of a rule state that is repeated only for later subscribers: nothing has happened."""
+"""The status of a rule state that is repeated for later subscribers: nothing has happened."""
 
 
 class RecordTopics:
@@ -111,27 +111,27 @@ class RecordTopics:
     def __init__(
         self, transport: Transport, hub: SessionHub, source: str, private: PrivateValues, *, rosout: bool = True
     ) -> None:
-        """`source`: the source of tasks whose `ref` is the id of a DomainTask goal. `private`: the values to leave out
-        of refusals; records are already filtered. Raises PortError."""
+        """`source`: the source of tasks whose `ref` is the id of a DomainTask goal. `private`: the values to omit in
+        refusals; records are already filtered. Raises PortError."""
         self._private = private
         self.dropped = 0
-        """Records that were never published, because too many were waiting."""
+        """The number of records that were not published, because too many were waiting."""
         self.error = ""
-        """Why the latest message could not be published; empty if it was."""
+        """Why the latest message could not be published; empty: it was."""
         self._session = Path(hub.folder).name
         self._source = source
         self._waiting: deque[AnyRecord] = deque()
         self._records = transport.publisher(RECORD, RECORD_TYPE, QoS(RECORDS_LATCHED, latched=True))
         self._tasks = transport.publisher(TASK_STATE, TASK_STATE_TYPE, QoS(TASKS_LATCHED, latched=True))
-        # A latched topic keeps this many of the latest messages. A rule's last message is sent again before it drops
-        # out, so that the topic always contains the state of each running rule.
+        # A latched topic keeps this many messages. A rule's last message is sent again before it drops out, so that the
+        # topic always contains the state of each running rule.
         self._depth = max(RULES_LATCHED, 2 * len(hub.engine.scenario.rules))
         self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
         self._rosout = transport.publisher(ROSOUT, ROSOUT_TYPE, ROSOUT_QOS) if rosout else None
         self._logger = transport.node.strip("/").replace("/", ".")
         self._rule_messages = 0
         self._running: dict[str, tuple[int, Message]] = {}
-        """By running rule, the number of its latest message, and the message; the oldest message first."""
+        """The latest message of each running rule, with its number; the oldest message first."""
         for name, rule in hub.view.rules.items():  # of a recovered session
             if rule.running:
                 state = rule_state_message(name, REPEATED_STATUS, rule, make_header(time_ns()))
@@ -148,14 +148,14 @@ class RecordTopics:
         self._waiting.append(record)
 
     def enqueue_refusal(self, task: Submit, reason: str) -> None:
-        """Add a task that was rejected before it reached the record. Its `ref` is the goal's id, if it was one."""
+        """Add a task that was rejected before it reached the record. Its `ref` is the goal's id, if any."""
         wall = datetime.now().astimezone().isoformat()
         what = (task.function, task.behavior, task.calling_type, self._source)
         refused = TaskRecord(_NO_SEQ, 0.0, wall, 0, *what, "REJECTED", reason, ref=task.ref)
         self.enqueue(self._private.hide(refused))
 
     def publish_next(self) -> bool:
-        """Publish one of the waiting records; false when there was none."""
+        """Publish one waiting record. False: there was none."""
         if not self._waiting:
             return False
         self._publish_record(self._waiting.popleft())
@@ -169,7 +169,7 @@ class RecordTopics:
     def _publish_record(self, record: AnyRecord) -> None:
         header = make_header(wall_to_nanoseconds(record.wall))
         self._publish_log_line(log_line_for_record(record), header)
-        # Specific topics come first: a node that reads the whole record is rarely in a hurry.
+        # Specific topics come first: nodes that read the whole record are rarely in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
         elif isinstance(record, TaskRecord):  # even without listeners: later ones get the latest
@@ -197,7 +197,7 @@ class RecordTopics:
         self._publish_rule_message(record.name, message, {**message, "status": REPEATED_STATUS} if is_running else None)
 
     def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
-        """Publish a rule's message. `again`: its form for later subscribers; None when the rule has ended."""
+        """Publish a rule's message. `again`: its form for later subscribers; None: the rule has ended."""
         running = self._running
         self._publish(self._rules, message)
         self._rule_messages += 1
@@ -218,7 +218,7 @@ class RecordTopics:
         try:
             try:
                 publisher.publish(message)
-            except UnicodeEncodeError:  # a lone surrogate, from the bytes of a file name that is not text
+            except UnicodeEncodeError:  # a lone surrogate, from bytes of a file name that are not text
                 publisher.publish(escape_all_surrogates(message))
         except PortError as error:
             if not self.error:

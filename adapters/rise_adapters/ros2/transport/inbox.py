@@ -1,7 +1,7 @@
 """Items that a transport's own thread has taken from the wire and the asyncio loop has not handled yet.
 
-The loop handles them in slices of `SLICE` seconds, with everything else in between. When it is far behind, the thread
-waits, so that further messages stay in the middleware, whose quality of service decides about them.
+The loop handles them in slices of `SLICE` seconds, between its other work. When it is far behind, the thread waits, so
+that further messages stay in the middleware, whose quality of service applies.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from threading import Condition
 from time import perf_counter
 
 SLICE = 0.0005
-"""Seconds of work in one turn of the loop: a wizard's key waits for some turns."""
+"""Seconds of work in one turn of the loop. A wizard's key waits for some turns."""
 LIMIT = 2000
-"""Items that may wait before the thread does. It continues when half of them are handled."""
+"""Maximum number of waiting items before the thread waits. It continues when half of them are handled."""
 
 
 class Inbox:
-    """Belongs to the loop's thread, except for `put`."""
+    """All methods belong to the loop's thread, except for `put`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -29,8 +29,8 @@ class Inbox:
         self._closed = False
 
     def put(self, *calls: Callable[[], object], wait: bool = True) -> None:
-        """Make the loop call these functions, in order. May be called on any thread. `wait`: wait for room; only for a
-        thread that the loop never waits for."""
+        """Make the loop call these functions, in order, from any thread. `wait`: for room, if the loop never waits for
+        the thread."""
         with self._room:
             if wait and len(self._waiting) >= LIMIT:
                 self._room.wait_for(lambda: self._closed or len(self._waiting) <= LIMIT // 2)
@@ -40,14 +40,14 @@ class Inbox:
             if self._scheduled:
                 return
             self._scheduled = True
-        # Without the lock, because the loop needs it as soon as it wakes.
+        # Without the lock, because the loop needs it when it wakes.
         try:
             self._loop.call_soon_threadsafe(self._deliver)
-        except RuntimeError:  # the loop was closed before the transport
+        except RuntimeError:  # the loop was closed first
             self._closed = True
 
     def close(self) -> None:
-        """Stop delivering. Nobody waits for room any longer."""
+        """Stop delivering, and wake a waiting thread."""
         with self._room:
             self._closed = True
             self._waiting.clear()

@@ -39,8 +39,8 @@ class NameResolver:
     """Resolves names for one node: `~` and relative names first, then the first matching remapping."""
 
     def __init__(self, node: str, namespace: str, remaps: Iterable[tuple[str, str]]) -> None:
-        """`node` without its namespace; `remaps`: what is replaced and by what; the first match counts. Raises
-        PortError for an invalid name."""
+        """`node` without its namespace; `remaps`: pairs of source and target; the first match counts. Raises
+        PortError."""
         self.namespace = check_namespace(namespace)
         self.node = self._join(self.namespace, check_node(node))
         self._remaps: dict[str, str] = {}

@@ -1,8 +1,8 @@
 """The narrow port between RISE and the middleware of ROS 2 (docs/explanation/ros2.md).
 
 Below it is a transport: `rclpy` with a ROS installation, `dds` (the Cyclone DDS wheel) without one. Both only move
-messages, as plain values, on topics and services. The hard parts of actions (goal ids, deadlines, cancelling, one
-ending for each goal) are written once, above the port, on the three services and two topics of a ROS 2 action
+messages, as plain values, on topics and services. The code above the port implements actions once (goal ids, deadlines,
+cancelling, one ending for each goal), on the three services and two topics of a ROS 2 action
 (https://design.ros2.org/articles/actions.html).
 
 Types have ROS's names, `std_msgs/msg/String`, and so do those that an action implies: `PKG/action/NAME_SendGoal` and
@@ -26,11 +26,11 @@ from rise_engine.base.errors import AdapterError
 
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those
-of `uint8` and `byte` as `bytes`. In a sent message, missing fields are zero (the definition's defaults do not count).
-Received messages are complete."""
+of `uint8` and `byte` as `bytes`. In a sent message, missing fields are zero (defaults of the definition have no
+effect). Received messages are complete."""
 
 SendReply: TypeAlias = Callable[[Message], None]
-"""Sends the answer to a request, now or later. Only the first call counts; one that raises PortError does not count."""
+"""Sends the answer to a request, now or later. Only the first call counts; one that raises PortError does not."""
 
 
 class QoS(Struct, frozen=True):
@@ -43,42 +43,40 @@ class QoS(Struct, frozen=True):
 
 
 class RemoteEndpoint(Struct, frozen=True):
-    """Another node's endpoint on a topic or a service, as it is announced to everybody."""
+    """An endpoint of another node on a topic or a service, as announced."""
 
     node: str = ""
-    """The full name of the node; empty when it is not known (yet)."""
+    """The full name of the node; empty: unknown (yet)."""
     type: str = ""
-    """ROS's name of the type; empty when it is not a ROS type. For a service, `PKG/srv/NAME_Request` for the endpoint
-    that receives requests and `PKG/srv/NAME_Response` for the one that answers."""
+    """The type's name in ROS; empty: no type of ROS. For a service, `PKG/srv/NAME_Request` for the endpoint that
+    receives requests and `PKG/srv/NAME_Response` for the one that answers."""
     hash: str = ""
-    """The hash of that type, `RIHS01_...`; empty when it is not announced."""
+    """The hash of that type, `RIHS01_...`; empty: not announced."""
     vendor: str = ""
-    """The vendor of its software, by DDS's number (`0110`); empty when unknown."""
+    """The vendor of its software, by DDS's number (`0110`); empty: unknown."""
     qos: QoS | None = None
-    """What it guarantees, or asks for; None: unknown. (The depth is never announced.)"""
+    """Its offer or request; None: unknown. (The depth is never announced.)"""
     program: bytes = b""
-    """The id of its program, which also changes when the program restarts (12 bytes, the prefix of the DDS GUID); empty
-    when unknown."""
+    """The id of its program, different after a restart (12 bytes, the prefix of the DDS GUID); empty: unknown."""
 
 
 RELIABLE = QoS()
 SENSOR = QoS(reliable=False)
-"""For subscriptions: this accepts every publisher, including those without guarantees (cameras, trackers, recognisers).
-A reliable subscription would receive nothing from them, and ROS would not report it. But lost messages stay lost."""
+"""For subscriptions: accepts every publisher, including unreliable ones (cameras, trackers, recognisers). A reliable
+subscription would receive nothing from them, without an error. But lost messages stay lost."""
 STATUS = QoS(depth=1, latched=True)
 """For an action's status topic."""
 
 
 class PortError(AdapterError):
-    """Something cannot be had from this transport: a type that is not there, a message that does not fit, a profile
-    that it cannot carry."""
+    """The transport cannot do this: a type is missing, a message does not fit, or a profile is not supported."""
 
 
 class Closable(Protocol):
     """Something that is in use until it is closed."""
 
     def close(self) -> None:
-        """Close it. No callback of it runs after that. A second call does nothing."""
+        """Close it. No callback of it runs after that. A second call has no effect."""
         ...
 
 
@@ -86,7 +84,7 @@ class Publisher(Closable, Protocol):
     """Sends messages of one type on one topic."""
 
     def publish(self, message: Message) -> None:
-        """Send one message to all present subscribers (latched: and later ones).
+        """Send one message to all present subscribers (latched: also to later ones).
 
         :param message: the fields by name; missing ones are zero.
         :raises PortError: it does not fit the type (the sentence names the field), or the middleware refuses.
@@ -94,9 +92,9 @@ class Publisher(Closable, Protocol):
         ...
 
     def count_subscribers(self) -> int:
-        """Count the subscriptions that it reaches now: of its type, and asking for no more than it guarantees.
+        """Count the subscriptions that it reaches now: of its type, and requesting no more than it guarantees.
 
-        :returns: how many.
+        :returns: the number.
         """
         ...
 
@@ -105,9 +103,9 @@ class Subscription(Closable, Protocol):
     """Receives the messages of one type on one topic."""
 
     def count_publishers(self) -> int:
-        """Count the publishers that it hears now: of its type, and with the guarantees that it asks for.
+        """Count the publishers that reach it now: of its type, and with the guarantees that it requests.
 
-        :returns: how many.
+        :returns: the number.
         """
         ...
 
@@ -118,7 +116,7 @@ class ServiceClient(Closable, Protocol):
     def count_servers(self) -> int:
         """Count the servers that would get a request now, and whose answer would arrive.
 
-        :returns: how many; 0: a request would be lost.
+        :returns: the number; 0: a request would be lost.
         """
         ...
 
@@ -126,14 +124,14 @@ class ServiceClient(Closable, Protocol):
         """Send a request.
 
         :param request: its fields by name, as for `Publisher.publish`.
-        :param on_response: receives the response, if one arrives; there is no deadline here.
+        :param on_response: receives the response, if one arrives; there is no deadline.
         :raises PortError: as for `Publisher.publish`.
         """
         ...
 
 
 class Transport(Protocol):
-    """One node on the wire: what it sends, receives, offers and calls, and what it sees of other nodes.
+    """One node on the wire: its topics and services, and the visible parts of other nodes.
 
     Its publishers, subscriptions, services and clients are closed with it, if not before.
     """
@@ -148,7 +146,7 @@ class Transport(Protocol):
     node: str
     """The node's full name, `/rise/engine`."""
     vendor: str
-    """The vendor of its software, as in `RemoteEndpoint`; empty when the vendor does not decide who can be reached."""
+    """The vendor of its software, as in `RemoteEndpoint`; empty: the vendor does not limit reachability."""
 
     # --- this node's endpoints ----------------------------------------------------------------------------------
 
@@ -166,7 +164,7 @@ class Transport(Protocol):
 
         :param topic: its name, which is resolved.
         :param type: the type of the messages, `PKG/msg/NAME`.
-        :param qos: what the publisher guarantees.
+        :param qos: the publisher's guarantees.
         :raises PortError: the name or type does not exist, the middleware refuses, or the transport is closed.
         """
         ...
@@ -183,11 +181,11 @@ class Transport(Protocol):
 
         :param topic: its name, which is resolved.
         :param type: the type of the messages, `PKG/msg/NAME`.
-        :param on_message: called with each message. A message that cannot be read is reported to the loop's exception
-            handler and left out.
-        :param qos: what the subscription asks for; publishers that guarantee less are not heard.
+        :param on_message: called with each message. An unreadable one is reported to the loop's exception handler and
+            omitted.
+        :param qos: the requested guarantees; publishers that guarantee less do not reach it.
         :param pause: seconds after reading in which nothing more is read. Then the newest messages are read, as many as
-            the depth. A topic with a thousand messages a second costs no more than that.
+            the depth. This limits the cost of fast topics.
         :raises PortError: as `publisher`.
         """
         ...
@@ -197,8 +195,8 @@ class Transport(Protocol):
 
         :param name: the service's name, which is resolved.
         :param type: the service's type, `PKG/srv/NAME`.
-        :param on_request: called with each request and a function that sends its answer, now or later. A request
-            that cannot be read is reported as in `subscribe`, and has no answer.
+        :param on_request: called with each request and a function that sends its answer, now or later. An unreadable
+            request is reported as in `subscribe`, and gets no answer.
         :raises PortError: as `publisher`.
         """
         ...
@@ -221,12 +219,12 @@ class Transport(Protocol):
             `PKG/srv/NAME_Request` or `_Response`.
         :returns: the type of each field by name, in the order of the definition and in ROS's spelling: `string`,
             `float64[3]`, `geometry_msgs/msg/Point`, `string[]`.
-        :raises PortError: the type is not available; the sentence names what is missing and where it could come from.
+        :raises PortError: the type is not available; the sentence names the missing package and its possible source.
         """
         ...
 
     def type_hash(self, type: str) -> str:
-        """Give the hash of a type as ROS announces it.
+        """Return the hash of a type as ROS announces it.
 
         :param type: as for `fields`, and also a whole action or service.
         :returns: `RIHS01_...` (REP-2016); empty when unknown.
@@ -236,9 +234,9 @@ class Transport(Protocol):
     # --- other nodes' endpoints ---------------------------------------------------------------------------------
 
     def graph_version(self) -> int | None:
-        """Tell whether the answers of the following calls may have changed.
+        """Return whether the answers of the following calls may have changed.
 
-        :returns: a number that increases with every visible change; None: this transport cannot tell, so ask again.
+        :returns: a number that increases with every visible change; None: unknown on this transport, so ask again.
         """
         ...
 
@@ -262,7 +260,7 @@ class Transport(Protocol):
         """List the endpoints of other nodes that receive a service's requests, and those that answer.
 
         :param service: its name, which is resolved.
-        :returns: two for each server. If the middleware does not list these, one that has only its type.
+        :returns: two for each server. If the middleware does not list them, one with only its type.
         :raises PortError: it is not a valid ROS name.
         """
         ...
@@ -278,8 +276,7 @@ class Transport(Protocol):
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
         """List the programs that use another vendor's software.
 
-        :returns: of each the full name of its node (or whatever is known of it), and the vendor, as in
-            `RemoteEndpoint`.
+        :returns: for each, the full name of its node (as far as known), and the vendor, as in `RemoteEndpoint`.
         """
         ...
 
@@ -288,8 +285,8 @@ class Transport(Protocol):
         ...
 
     def client_nodes(self, service: str) -> list[str]:
-        """List the other nodes that visibly use a service; each may call it at any moment. (ROS does not tell a server
-        whose request it has.)
+        """List the other nodes that visibly use a service; each may call it at any moment. (A request does not name its
+        sender.)
 
         :param service: its name, which is resolved.
         :returns: full names, each once.
@@ -300,15 +297,15 @@ class Transport(Protocol):
     # --- lifetime -----------------------------------------------------------------------------------------------
 
     def failure(self) -> str:
-        """Say why the transport no longer works (the middleware was shut down, or it was closed).
+        """Return why the transport no longer works (the middleware was shut down, or it was closed).
 
         :returns: a sentence for a person; empty while it works.
         """
         ...
 
     def close(self) -> None:
-        """Close everything that it has opened, and wait briefly for its own threads. No callback runs after this. A
-        second call does nothing."""
+        """Close everything, and wait briefly for its own threads. No callback runs after this. A second call has no
+        effect."""
         ...
 
 
@@ -320,7 +317,7 @@ STATUS_TYPE = "action_msgs/msg/GoalStatusArray"
 
 
 def action_topic(action: str, part: str) -> str:
-    """The full name of a hidden topic or service of an action.
+    """Return the full name of a hidden topic or service of an action.
 
     :param action: the action's full name, already resolved.
     :param part: `SEND_GOAL`, `CANCEL_GOAL`, `GET_RESULT`, `FEEDBACK` or `STATUS_TOPIC`.
@@ -329,7 +326,7 @@ def action_topic(action: str, part: str) -> str:
 
 
 def action_types(type: str) -> dict[str, str]:
-    """The types that an action type implies.
+    """Return the types that an action type implies.
 
     :param type: the action's type, `PKG/action/NAME`.
     :returns: by part (`SEND_GOAL`, ..., `STATUS_TOPIC`), the type of that service or topic.

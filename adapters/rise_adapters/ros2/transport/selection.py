@@ -18,12 +18,12 @@ TransportKind = Literal["rclpy", "dds"]
 
 
 def why_unavailable() -> dict[TransportKind, str]:
-    """The transports, with the reason why each cannot be used here; empty: it can."""
+    """The transports, with the reason if one cannot be used here; empty: it can."""
     return {"rclpy": _why_no_rclpy(), "dds": _why_no_dds()}
 
 
 def select_transport(choice: str) -> TransportKind:
-    """The transport that `auto`, `rclpy` or `dds` means here. Raises AdapterError."""
+    """Return the transport that `auto`, `rclpy` or `dds` means here. Raises AdapterError."""
     missing = why_unavailable()
     wanted = [kind for kind in missing if choice in (kind, "auto")]
     for kind in wanted:
@@ -36,7 +36,7 @@ def select_transport(choice: str) -> TransportKind:
 async def open_transport(
     choice: str = "auto", arguments: Sequence[str] = (), *, node: str, share: Sequence[Path] = ()
 ) -> Transport:
-    """A node on the wire.
+    """Open a node on the wire.
 
     `arguments` are those after `--ros-args`. `share`: folders with definitions of types, in addition to those of this
     program and of a ROS installation (`dds` only: `rclpy` has the types that are built and sourced). Raises

@@ -1,9 +1,9 @@
 """The vendors of DDS software, by the numbers with which the id of every endpoint begins
 (https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/).
 
-Messages on topics cross between vendors. Services, and with them actions, do not cross between Cyclone DDS and others.
-Cyclone writes the client of a request into the message; others send it beside the message. Two such programs see each
-other and report no error, but no request is ever understood.
+Topics work between vendors. Services, and with them actions, do not work between Cyclone DDS and others: Cyclone writes
+the client of a request into the message, others send it beside the message. Two such programs see each other and report
+no error, but understand no request.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def vendor_name(vendor: str) -> str:
 
 
 def rmw_of_vendor(vendor: str) -> str:
-    """The vendor's RMW_IMPLEMENTATION; empty when unknown."""
+    """The vendor's RMW_IMPLEMENTATION; empty: unknown."""
     return _KNOWN.get(vendor, ("", ""))[1]
 
 
 def vendor_of_rmw(identifier: str) -> str:
-    """The vendor of an RMW_IMPLEMENTATION; empty for others (Zenoh is not DDS)."""
+    """The vendor of an RMW_IMPLEMENTATION; empty: none (Zenoh is not DDS)."""
     known = {rmw: vendor for vendor, (_, rmw) in _KNOWN.items() if rmw} | _MORE
     return known.get(identifier, "")
 

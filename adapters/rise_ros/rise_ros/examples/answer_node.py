@@ -28,11 +28,11 @@ from rise_ros.examples.session_client import SessionClient, SessionGoneError
 
 SYSTEM = "You are a robot that talks with a visitor. Answer in one or two short sentences that can be spoken aloud."
 LONGEST = 2_000_000
-"""The most bytes that are read of an answer."""
+"""Maximum number of bytes of an answer."""
 
 
 def ask_model(url: str, model: str, key: str, system: str, question: str, seconds: float) -> str:
-    """The model's answer. This waits for it, so call it in a thread. Raises OSError, ValueError, LookupError."""
+    """Return the model's answer. Blocks, so call it in a thread. Raises OSError, ValueError, LookupError."""
     messages = [{"role": "system", "content": system}, {"role": "user", "content": question}]
     body = json.dumps({"model": model, "messages": messages}).encode()
     headers = {"Content-Type": "application/json", **({"Authorization": f"Bearer {key}"} if key else {})}
@@ -54,13 +54,13 @@ class AnswerNode:
         self.session, self.options, self.system, self.key = session, options, system, key
         self.url = options.base_url.rstrip("/")
         self.thinking: asyncio.Task[None] | None = None
-        """The running request, cancelled when the rule moves on. An answer that has arrived is always used."""
+        """The running request, cancelled when the rule leaves its state. An answer that has arrived is always used."""
 
     def take_rule_state(self, message: Message) -> None:
         if message["rule"] != self.options.rule or message["status"] not in ("entered", "ended", "stopped", "faulted"):
             return
         if self.thinking is not None:
-            self.thinking.cancel()  # the rule has moved on: an answer would be too late
+            self.thinking.cancel()  # the rule has left its state: an answer would be too late
         if message["status"] == "entered" and message["state"] == self.options.state:
             self.thinking = asyncio.get_running_loop().create_task(self.ask_and_say())
 

@@ -1,5 +1,4 @@
-"""Finds the action and the parameters behind the message of a goal, as far as possible, for a robot that is only
-simulated and prints what it would do."""
+"""Finds the action and the parameters behind a goal's message, for a simulated robot that prints its behaviour."""
 
 from __future__ import annotations
 

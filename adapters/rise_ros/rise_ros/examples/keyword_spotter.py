@@ -67,7 +67,7 @@ class KeywordSpotter:
                 print(f'"{utterance}" went unheard: {error}')
 
     async def handle_utterance(self, utterance: str) -> None:
-        # First the memory, then the event: the rule that receives the event can rely on the memory.
+        # First the memory, then the event, so that the rule that takes the event can rely on the memory.
         await self.session.assign(self.key, utterance)
         event, why = self.otherwise, "no key word"
         for keyword in self.keywords:

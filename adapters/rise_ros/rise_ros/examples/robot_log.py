@@ -1,10 +1,10 @@
-"""What a simulated robot really does, one JSON object per line, for tests that compare it with a session's record.
+"""The real behaviour of a simulated robot, one JSON object per line, for tests that compare it with a session's record.
 
     {"t": 12.5, "wall": 1795460000.1, "event": "begun", "action": "Speech", "goal": "4f1c..."}
 
 `t` is in seconds of `time.monotonic`, which no change of the date affects; `wall` is in seconds since 1970. Events of
 an action: arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a
-topic: begun (repetitions are left out), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
+topic: begun (without repetitions), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
 """
 
 from __future__ import annotations

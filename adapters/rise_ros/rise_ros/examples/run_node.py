@@ -47,7 +47,7 @@ _POLL_SECONDS: Final = 0.5
 
 
 class NodeError(RiseError):
-    """The node cannot do what it is for; a sentence for a person."""
+    """The node cannot do its work; a sentence for a person."""
 
 
 def node_parser(node: str, about: str) -> ArgumentParser:
@@ -79,7 +79,7 @@ def run_node(
     *,
     prepare: Callable[[Namespace], None] | None = None,
 ) -> None:
-    """Read the command line, run `work` until it returns, fails, or somebody ends the program, and exit. `prepare` may
+    """Read the command line, run `work` until it returns, fails, or the program is ended, and exit. `prepare` may
     complete the options before the connection is opened.
 
     Every option can be given as a ROS parameter, and is shown as one. The command line overrides parameters.
@@ -104,7 +104,7 @@ def run_node(
         _fail(parser, error.lines)
     except (NodeError, PortError) as error:
         _fail(parser, [str(error)])
-    except BrokenPipeError:  # nobody reads its output any more
+    except BrokenPipeError:  # nothing reads its output any more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:  # before there was anything to stop
         pass
@@ -171,13 +171,13 @@ async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: Ar
 
 
 async def wait_forever() -> None:
-    """Wait without end. For nodes whose callbacks do all the work."""
+    """Wait forever, for nodes whose callbacks do all the work."""
     await asyncio.Event().wait()
 
 
 async def run_in_thread(function: Callable[..., T], *arguments: object) -> T:
-    """Call a function that waits for something outside, while the node goes on. Unlike with `asyncio.to_thread`, nobody
-    waits for the thread when the node ends."""
+    """Call a blocking function while the node continues. The node's end does not wait for it, unlike
+    `asyncio.to_thread`."""
     result: Future[T] = Future()
     result.set_running_or_notify_cancel()
 

@@ -1,5 +1,5 @@
-"""A feature node's side of a session: tasks in, memory and rule states out. Your own node needs to know nothing else
-about RISE. The names and types are those of docs/reference/rise1-names.md.
+"""A feature node's side of a session: tasks in, memory and rule states out. Your own node needs nothing else of RISE.
+The names and types are those of docs/reference/rise1-names.md.
 
     session = SessionClient(transport)
     await session.assign("RecognizedSpeech", "hello")
@@ -29,7 +29,7 @@ _POLL_SECONDS = 0.5
 
 
 class SessionGoneError(RiseError):
-    """No session answers; a sentence that says what was not there."""
+    """No session answers. The sentence names the missing part."""
 
 
 class TaskResult(Struct, frozen=True):
@@ -92,12 +92,12 @@ class SessionClient:
         return await self.submit("startCommunicationRobotAct", act, calling_type)
 
     async def release_stop(self, rules: dict[str, str] | None = None) -> TaskResult:
-        """Release a stop. Only nodes that the scenario names may do this: [control] may_release = ["/supervisor"];
-        others are refused. `rules`: the ended rules that go on, each with `enter` or `wait`."""
+        """Release a stop. Only nodes that the scenario names may do this: [control] may_release = ["/supervisor"].
+        `rules`: the ended rules that continue, each with `enter` or `wait`."""
         return await self.submit("releaseStop", f"{self._transport.node} {json.dumps(rules) if rules else ''}".strip())
 
     async def read_memory(self, key: str, otherwise: Any = None) -> Any:
-        """The value of a key of the working memory; `otherwise` if there is none. Raises SessionGoneError."""
+        """Return the value of a key of the working memory; `otherwise` if there is none. Raises SessionGoneError."""
         await self._wait_until(self._memory.count_servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")

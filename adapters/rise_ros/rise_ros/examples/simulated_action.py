@@ -24,7 +24,7 @@ from rise_ros.examples.service_call import ServiceCall
 from rise_ros.examples.simulated_messages import CANCELED, FAILED, ResultMaker, make_feedback
 
 WhenBusy: TypeAlias = Literal["wait", "reject"]
-"""What happens to a goal that arrives while another one of its action runs."""
+"""The treatment of a goal that arrives while another one of its action runs."""
 PrintLine: TypeAlias = Callable[[str], None]
 FaultOf: TypeAlias = Callable[[str], ActionFault | None]
 
@@ -92,7 +92,7 @@ class SimulatedAction:
             self._service.close()
 
     def vanish(self) -> None:
-        """Disappear without a report of what was running."""
+        """Disappear without reporting running goals."""
         self._drop_all("vanished")
         if self._server is not None:
             self._server.vanish()
@@ -245,7 +245,7 @@ class _RunningGoal:
         self.is_begun = False
         self.begun = 0.0
         self.seconds = 0.0
-        """How long it takes; inf: it hangs."""
+        """Its duration; inf: it hangs."""
         self.ending: Timer | None = None
         self.progress: Timer | None = None
 

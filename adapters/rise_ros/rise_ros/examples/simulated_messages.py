@@ -1,4 +1,4 @@
-"""A simulated robot's answers: results and feedback of any type, as far as a profile gives their meaning."""
+"""A simulated robot's answers: results and feedback of any type, as far as a profile defines their meaning."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class ResultMaker:
         return result
 
     def _choose_code(self, code: int) -> Any:
-        """A value that the profile counts as a success, or as a failure."""
+        """Choose a value that the profile counts as a success, or as a failure."""
         rule = self._rule
         if not rule.ok:
             finite = [each for each in (rule.minimum, rule.maximum) if math.isfinite(each)]
@@ -46,7 +46,7 @@ class ResultMaker:
 
 
 def make_feedback(transport: Transport, type: str) -> Callable[[float], Message]:
-    """A function that makes feedback for the finished part, from 0 to 1; empty if the action has no field for it."""
+    """Return a function that makes feedback for the finished part, from 0 to 1; empty without a field for it."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):
         return lambda done: {"progress": done}

@@ -1,13 +1,13 @@
 """A simulated robot: an action server or a service for each action of a robot's profile, and a subscriber for each
-topic, as in the profile (quality of service, definitions, feedback). It takes believable time, prints what a person
-would see, and makes mistakes on request. With it, a whole study runs over the wire on one computer.
+topic, as in the profile (quality of service, definitions, feedback). It takes believable time, prints its visible
+behaviour, and has faults on request. With it, a whole study runs over the wire on one computer.
 
     python -m rise_ros.examples.simulated_robot --robot pepper
     python -m rise_ros.examples.simulated_robot --config scenarios/greeting --fault Speech=fail@2
 
 Faults are those of the simulated driver (rise_adapters.simulated.faults): ACTION=reject, =fail, =slow:FACTOR, =hang,
 =slow-accept:SECONDS and so on, each also with @N, and vanish@SECONDS[-SECONDS], counted from the node's start. While it
-has vanished it offers nothing, and when it returns it knows no earlier goal. `--log FILE` writes what it really does
+has vanished it offers nothing, and when it returns it knows no earlier goal. `--log FILE` writes its real behaviour
 (rise_ros.examples.robot_log).
 """
 
@@ -56,7 +56,7 @@ class RobotOnWire:
         busy: WhenBusy = "wait",
         log: RobotLog | None = None,
     ) -> None:
-        """Raises ValueError for an invalid fault, PortError for what ROS cannot carry."""
+        """Raises ValueError for an invalid fault, PortError for anything that ROS cannot carry."""
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._transport, self._profile, self._clock = transport, with_all_carriers(profile), clock
@@ -128,7 +128,7 @@ class RobotOnWire:
                 )
 
     def vanish(self) -> None:
-        """Disappear without a report of what was running."""
+        """Disappear without reporting running goals."""
         if self._is_there:
             for action in self._actions:
                 action.vanish()
@@ -213,9 +213,9 @@ class _LastMessage:
 
 
 def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
-    """The profile of a robot, by its name or its file, or from a scenario with the scenario's changes.
+    """Return the profile of a robot, by its name or its file, or from a scenario with the scenario's changes.
 
-    Raises NodeError with all mistakes in it.
+    Raises NodeError with all errors in it.
     """
     folder = Path() if scenario is None else scenario.parent if scenario.is_file() else scenario
     findings = Diagnostics()
@@ -258,7 +258,7 @@ async def work(transport: Transport, options: Namespace) -> None:
 def _find_profile(options: Namespace) -> None:
     """Find the profile before the connection is opened, which needs the profile's definitions."""
     options.profile = find_robot(options.robot, options.config)
-    with suppress(PortError):  # reported with all other mistakes in the profile
+    with suppress(PortError):  # reported with all other errors in the profile
         options.share = [*options.share, *map(Path, read_options(options.profile).share)]
 
 

@@ -1,5 +1,7 @@
-"""Listens to somebody else's topic, whatever its publishers guarantee, and reports when nothing can arrive. ROS itself
-reports nothing: a subscription that asks for more than a publisher guarantees just stays silent."""
+"""Listens to another node's topic, whatever its publishers guarantee, and reports if nothing can arrive.
+
+ROS itself reports nothing: a subscription that requests more than a publisher guarantees stays silent.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,10 @@ PATIENCE_SECONDS = 5.0
 class TopicListener:
     """Calls `on_message` with every message on a topic, until it is closed.
 
-    It subscribes reliably, so that nothing is lost that a publisher guarantees to deliver. As soon as there is a
-    publisher without this guarantee (a sensor's), it subscribes without it. While somebody publishes another version of
-    the type, it takes nothing, because it cannot tell which messages would be garbage. `report` receives a sentence
-    about each obstacle: nobody publishes, or somebody publishes another type, or another version.
+    It subscribes reliably, so that guaranteed messages are not lost. If there is a publisher without this guarantee (a
+    sensor's), it subscribes without it. While a publisher has another version of the type, it takes nothing, because
+    some messages would be garbage. `report` receives a sentence about each obstacle: no publisher, or one with another
+    type or version.
     """
 
     def __init__(
@@ -37,8 +39,7 @@ class TopicListener:
         patience: float = PATIENCE_SECONDS,
         pause: float = 0.0,
     ) -> None:
-        """`pause`: seconds between two messages; of those in quick succession only the newest is taken. 0: every
-        message is wanted. Raises PortError."""
+        """`pause`: seconds between two messages, each the newest; 0: every message is taken. Raises PortError."""
         self._transport, self._name, self._type, self._report = transport, topic, type, report
         self._topic = transport.resolve(topic)
         self._interval, self._patience, self._pause = interval, patience, pause
@@ -48,7 +49,7 @@ class TopicListener:
         """The publishers of another version of the type."""
         self._reported = ""
         self._unmatched = False
-        """Whether the last check found a publisher that it does not hear. (That one may only just be appearing.)"""
+        """Whether the last check found a publisher that it does not hear. (It may only just be appearing.)"""
         self._loop = asyncio.get_running_loop()
         self._begun = self._loop.time()
         self._best_effort = False
@@ -99,7 +100,7 @@ class TopicListener:
 
 
 def describe_silence(topic: str, type: str, published: Sequence[str]) -> str:
-    """Why nothing can arrive on a topic; empty when something can. `published`: the types of its publishers."""
+    """Why nothing can arrive on a topic; empty: something can. `published`: the types of its publishers."""
     if not published:
         return f"nobody publishes on {topic} (yet); is its node running, and is the topic called so?"
     others = sorted(set(published))

@@ -1,8 +1,8 @@
 """The DDS domain of this process, configured from the environment like ROS's own rmw_cyclonedds, so that both find each
-other with the same settings: first `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS` and `ROS_LOCALHOST_ONLY`, then
-`CYCLONEDDS_URI`, which overrides them.
+other with the same settings.
 
-A domain has one configuration in a process, the first; transports of the same domain share it.
+These are first `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS` and `ROS_LOCALHOST_ONLY`, then `CYCLONEDDS_URI`,
+which overrides them. A domain has one configuration in a process, the first; all transports of the domain share it.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LARGEST_DOMAIN = 232
 _MOST_PARTICIPANTS = 32
 """The number of programs that find each other on one machine without multicast, as in rmw_cyclonedds."""
 _LEASE_SECONDS = 1.0
-"""Seconds without a sign of life after which others take this program for dead."""
+"""Seconds without a sign of life after which other programs consider this one dead."""
 
 
 def read_domain_id(environment: Mapping[str, str]) -> int:
-    """`ROS_DOMAIN_ID`; 0 when it is not set. Raises PortError when it is not a valid number."""
+    """Read `ROS_DOMAIN_ID`; 0: not set. Raises PortError if it is not a valid number."""
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     try:
         number = int(text)
@@ -40,7 +40,7 @@ def read_domain_id(environment: Mapping[str, str]) -> int:
 
 
 def make_configuration(environment: Mapping[str, str]) -> str:
-    """The configuration for Cyclone DDS. Raises PortError for a discovery range that does not exist."""
+    """Make the configuration for Cyclone DDS. Raises PortError for an unknown discovery range."""
     discovery, general = "", ""
     reach, peers = _read_discovery_range(environment)
     if reach in ("LOCALHOST", "OFF"):
@@ -52,7 +52,7 @@ def make_configuration(environment: Mapping[str, str]) -> str:
         discovery += f"<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
         if peers:
             discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
-    # Signs of life come at a quarter of the lease, so that one or two may get lost.
+    # Four signs of life in a lease, so that one or two may get lost.
     discovery += (
         f"<LeaseDuration>{_LEASE_SECONDS:.3f}s</LeaseDuration><SPDPInterval>{_LEASE_SECONDS / 4:.3f}s</SPDPInterval>"
     )

@@ -1,6 +1,6 @@
 """The present participants, endpoints and nodes, from the announcements of DDS and ROS.
 
-Its inputs are three built-in topics of DDS and `ros_discovery_info`, on which every participant of ROS announces its
+Its inputs are three built-in topics of DDS, and `ros_discovery_info`, where every participant of ROS announces its
 nodes.
 """
 
@@ -34,11 +34,11 @@ class DdsEndpoint(Struct, frozen=True):
     """A reader or a writer of a participant."""
 
     key: bytes
-    """Its id; the first 12 bytes are those of its participant."""
+    """Its id, which begins with the 12 bytes of its participant."""
     topic: str = ""
     """DDS's name: `rt/chatter`."""
     type: str = ""
-    """ROS's name of the type; empty when it is not a ROS type."""
+    """The type's name in ROS; empty: no type of ROS."""
     user_data: dict[str, str] = {}
     """Its user data: `typehash`, `serviceid`, `clientid`."""
     qos: QoS | None = None
@@ -50,7 +50,7 @@ class DdsEndpoint(Struct, frozen=True):
 
 
 _Announcement: TypeAlias = tuple[bytes, QoS | None]
-"""From an endpoint's announcement: its user data, and its quality of service."""
+"""From an endpoint's announcement: its user data and quality of service."""
 
 
 def take_participants(reader: int, most: int) -> Any:
@@ -65,13 +65,13 @@ def take_endpoints(reader: int, most: int) -> Any:
 
 
 def find_matched_reader(writer: int, handle: int) -> DdsEndpoint | None:
-    """The endpoint of a matched reader; None when it is gone."""
+    """The endpoint of a matched reader; None: it is gone."""
     found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
 
 def find_matched_writer(reader: int, handle: int) -> DdsEndpoint | None:
-    """The endpoint of a matched writer; None when it is gone."""
+    """The endpoint of a matched writer; None: it is gone."""
     found = _clayer.ddspy_get_matched_publication_data(reader, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
@@ -92,8 +92,7 @@ def _make_endpoint(
     return DdsEndpoint(key, topic or "", names.ros_type(type or ""), names.decode_user_data(data), qos)
 
 
-# The settings of a QoS are read one by one. The library's own conversion of whole QoS objects is slow, and not made for
-# several threads.
+# The settings of a QoS are read one by one: the library's conversion of whole objects is slow and not thread-safe.
 
 
 def _read_announcement(pointer: int) -> _Announcement:
@@ -120,11 +119,11 @@ def _read_nothing(pointer: int) -> bytes:
 
 
 _Endpoints: TypeAlias = dict[str, dict[bytes, DdsEndpoint]]
-"""The readers, or the writers, by topic and id."""
+"""The readers or writers by topic and id."""
 
 
 class DdsGraph:
-    """Everybody who is visible, including this process. Belongs to the loop's thread."""
+    """All visible participants, including this process. Belongs to the loop's thread."""
 
     def __init__(self, own: bytes) -> None:
         """`own`: the id of this participant."""
@@ -135,7 +134,7 @@ class DdsGraph:
         self._nodes: dict[bytes, list[str]] = {}
         """The names of each participant's nodes."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
-        """By the first 12 bytes of a participant's id, the node that owns each of its endpoints."""
+        """The node that owns each endpoint of a participant, by the first 12 bytes of the participant's id."""
         self.version = 0
         """Increases with every change."""
 
@@ -157,13 +156,13 @@ class DdsGraph:
         _update_endpoints(self._writers, seen)
 
     def set_nodes(self, participant: bytes, nodes: Sequence[tuple[str, Iterable[bytes]]]) -> None:
-        """Take in a participant's nodes, and the ids of the endpoints of each node."""
+        """Store a participant's nodes, with the ids of the endpoints of each node."""
         self.version += 1
         self._nodes[participant] = [node for node, _ in nodes]
         self._owners[participant[:12]] = {key: node for node, keys in nodes for key in keys}
 
     def find_writer_nodes(self, topic: str) -> list[str]:
-        """The nodes of others that write a DDS topic, as far as they announce this."""
+        """The other nodes that write a DDS topic, as far as they announce this."""
         return sorted({end.node for end in self.find_writers(topic) if end.node})
 
     def nodes(self) -> list[str]:
@@ -173,15 +172,15 @@ class DdsGraph:
         )
 
     def find_writers(self, topic: str) -> list[RemoteEndpoint]:
-        """The endpoints of others that write a DDS topic."""
+        """The endpoints of other participants that write a DDS topic."""
         return self._find_of_others(self._writers, topic)
 
     def find_readers(self, topic: str) -> list[RemoteEndpoint]:
-        """The endpoints of others that read a DDS topic."""
+        """The endpoints of other participants that read a DDS topic."""
         return self._find_of_others(self._readers, topic)
 
     def topics(self, ending: str) -> list[str]:
-        """The topics of ROS (without those of services) with this ending on which others have an endpoint."""
+        """The topics of ROS (without services) with this ending on which other participants have an endpoint."""
         found = {
             topic
             for endpoints in (self._readers, self._writers)
@@ -191,7 +190,7 @@ class DdsGraph:
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
-        """Programs that use other DDS software than Cyclone, or use DDS but not ROS 2."""
+        """Programs with DDS software other than Cyclone, or with DDS but without ROS 2."""
         return [
             (
                 ", ".join(dict.fromkeys(self._nodes.get(key, ()))) or f"without named nodes ({key[:12].hex()})",

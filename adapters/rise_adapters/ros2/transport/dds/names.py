@@ -10,7 +10,7 @@ def dds_topic(name: str) -> str:
 
 
 def ros_topic(name: str) -> str:
-    """The reverse; empty for a topic that is not of ROS, or that belongs to a service."""
+    """The reverse; empty: the topic is not of ROS, or belongs to a service."""
     return name[2:] if name.startswith("rt/") else ""
 
 
@@ -29,7 +29,7 @@ def dds_type(type: str) -> str:
 
 
 def ros_type(name: str) -> str:
-    """The reverse; empty when it is not a ROS type."""
+    """The reverse; empty: no type of ROS."""
     parts = name.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return ""
@@ -37,7 +37,7 @@ def ros_type(name: str) -> str:
 
 
 def encode_user_data(entries: Mapping[str, str]) -> bytes:
-    """`typehash=RIHS01_...;` and similar, as on every endpoint and participant of ROS."""
+    """Encode `typehash=RIHS01_...;` and similar, as on every endpoint and participant of ROS."""
     return "".join(f"{key}={value};" for key, value in entries.items()).encode()
 
 

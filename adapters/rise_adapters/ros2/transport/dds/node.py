@@ -1,9 +1,9 @@
-"""One ROS node on DDS: its participant, writers and readers, their announcement on `ros_discovery_info` as by every ROS
-node, and the other nodes that it sees.
+"""One ROS node on DDS: its participant, writers and readers, their announcement on `ros_discovery_info`, and the other
+visible nodes.
 
-It also makes the type descriptions that Cyclone DDS needs for each topic, from ROS definitions. They are descriptions
-only: `interfaces.cdr` makes the bytes. Cyclone checks incoming messages against the description, and sends it along for
-nodes that read types (ROS nodes do not).
+It also makes the type descriptions that Cyclone DDS needs for each topic, from ROS definitions. `interfaces.cdr` makes
+the bytes. Cyclone checks incoming messages against the description, and sends it along for nodes that read types (ROS
+nodes do not).
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ _PRIMITIVES: dict[str, Any] = {
     **{name: getattr(idl, name) for name in (*INTEGER_RANGES, "float32", "float64")},
 }
 _LARGEST_BOUND = 65535
-"""Cyclone's descriptions allow no larger bound; such a sequence is described as unbounded."""
+"""The largest bound in Cyclone's descriptions. A sequence with a larger one is described as unbounded."""
 _HEADER = {"rmw_writer_guid": idl.uint64, "rmw_sequence_number": idl.int64}
 
 
 class IdlTypes:
-    """Types for Cyclone DDS, made when they are first needed."""
+    """Types for Cyclone DDS, made at their first use."""
 
     def __init__(self, types: InterfaceCatalog) -> None:
         self._types = types
@@ -92,7 +92,7 @@ _DISCOVERY_TOPIC = "ros_discovery_info"
 _DISCOVERY_TYPE = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = QoS(depth=1, latched=True)
 _CLOSING_SECONDS = 1.0
-"""Seconds that closing waits at most for the reading thread."""
+"""Maximum seconds that closing waits for the reading thread."""
 
 
 class DdsNode:
@@ -106,7 +106,7 @@ class DdsNode:
         domain: int,
         environment: Mapping[str, str],
     ) -> None:
-        """`name`: the full name. Raises PortError when DDS does not start."""
+        """`name`: the full name. Raises PortError if DDS does not start."""
         self.loop = loop
         self.name = name
         self.types = types
@@ -127,7 +127,7 @@ class DdsNode:
         self.closed = False
         self._services = 0
         self._gids: dict[DdsReader | DdsWriter, bytes] = {}
-        """The ids of the readers and writers that it has opened."""
+        """The ids of its open readers and writers."""
         self._announcing = False
         self.reader_thread = ReaderThread(loop, self._participant, f"dds {name}")
         self.graph = graph.DdsGraph(self._gid)
@@ -136,9 +136,8 @@ class DdsNode:
         self._announce()
 
     def open_writer(self, topic: str, type: str, qos: QoS, ids: Mapping[str, str] | None = None) -> DdsWriter:
-        """A writer of a DDS topic, which the caller passes to `release` at the end. `ids`: the announcement of one end
-        of a service, whose messages begin with their client's id and a number. Raises PortError: the type is unknown,
-        DDS refuses, or this node is closed."""
+        """Open a writer of a DDS topic, for the caller to `release`. `ids`: the announcement of one end of a service,
+        whose messages begin with their client's id and a number. Raises PortError."""
         settings = self._make_settings(type, qos, ids, reader=False)
         writer = DdsWriter(self.loop, self._participant, topic, *settings)
         self._gids[writer] = writer.gid
@@ -163,14 +162,14 @@ class DdsNode:
         return watched
 
     def release(self, *entities: DdsReader | DdsWriter) -> None:
-        """Close readers and writers that this node has opened, and announce it. (The node closes the rest.)"""
+        """Close readers and writers of this node, and announce it. (The node closes the rest.)"""
         for entity in entities:
             entity.close()
             self._gids.pop(entity, None)
         self._announce_soon()
 
     def new_service_id(self) -> str:
-        """An id that shows others that a reader and a writer are two ends of one client or server."""
+        """Return an id that marks a reader and a writer as the two ends of one client or server."""
         self._services += 1
         return ".".join(f"{byte:x}" for byte in self._gid[:12] + self._services.to_bytes(4, "big"))
 
@@ -207,7 +206,7 @@ class DdsNode:
         idl, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=False)
         self._info = DdsWriter(self.loop, self._participant, _DISCOVERY_TOPIC, idl, qos)
         _, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=True)
-        # Keep all, because the topic has no key: the last message of one participant must not replace another's.
+        # Keep all, because the topic has no key: one participant's last message must not replace another's.
         qos = qos - Qos(Policy.History.KeepLast(1)) + Qos(Policy.History.KeepAll)
         self.reader_thread.add(make_reader(self._participant, _DISCOVERY_TOPIC, idl, qos), self._on_discovery_info)
 

@@ -1,8 +1,7 @@
 """Reads from DDS in its own thread, and passes the messages to the asyncio loop (`transport.inbox`).
 
-The thread only waits, takes and passes on. When the loop is far behind, it takes no more. The rest stays in DDS, where
-the quality of service decides about it. The same holds for a reader with a pause: during the pause it does not wake the
-thread.
+The thread only waits, takes and passes on. When the loop is far behind, it takes no more. Further messages stay in DDS,
+whose quality of service applies. A reader with a pause does not wake the thread during its pause.
 """
 
 from __future__ import annotations
@@ -48,19 +47,18 @@ _LOG = logging.getLogger(__name__)
 _RETRY_SECONDS = 0.005
 """Seconds until a message is sent again that DDS refused because a reader is slow."""
 _OUTBOX_LIMIT = 10_000
-"""The most messages that wait for this; at the limit the oldest is dropped."""
+"""Maximum number of messages that wait for this. At the limit, the oldest is dropped."""
 _READER_HISTORY = 1000
-"""The least messages that a reader keeps, for those that arrive while the reading thread waits for its turn."""
+"""Minimum number of messages that a reader keeps, for those that arrive before the reading thread runs."""
 
 
 def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = False) -> Qos:
-    """A ROS quality of service for DDS, with an endpoint's user data. `pauses`: the reader needs only the newest
-    messages, not more than the depth."""
+    """Convert a ROS quality of service for DDS, with user data. `pauses`: the reader needs only the newest messages."""
     depth = max(qos.depth, 1)
     if reader and not qos.latched and not pauses:
         depth = max(depth, _READER_HISTORY)
     chosen: list[BasePolicy] = [
-        # Never wait in a write: that would delay everything else. `DdsWriter` keeps what cannot be sent immediately.
+        # Never wait in a write, which would delay everything else. `DdsWriter` keeps refused messages.
         Policy.Reliability.Reliable(0) if qos.reliable else Policy.Reliability.BestEffort,
         Policy.History.KeepLast(depth),
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
@@ -70,8 +68,8 @@ def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = F
     if qos.latched and not reader:
         chosen.append(Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1))
     if reader:
-        # Accept only the same type. Otherwise Cyclone compares the structures of different types, and asks everybody
-        # for their descriptions. The Cyclone of ROS 2 Jazzy (0.10.5) crashes on the answers, in every node.
+        # Accept only the same type. Otherwise Cyclone compares the structures of different types, and requests
+        # descriptions from everybody. The Cyclone of ROS 2 Jazzy (0.10.5) crashes on the answers, in every node.
         chosen.append(Policy.TypeConsistency.DisallowTypeCoercion())
     else:
         chosen.append(Policy.WriterDataLifecycle(autodispose=False))
@@ -79,8 +77,8 @@ def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = F
 
 
 def delete_entity(entity: Entity) -> None:
-    """Delete an entity now, not when Python's garbage collection finds it."""
-    entity.__del__()  # a second call does nothing
+    """Delete an entity now instead of by Python's garbage collection."""
+    entity.__del__()  # a second call has no effect
 
 
 class DdsWriter:
@@ -94,7 +92,7 @@ class DdsWriter:
         idl: type[IdlStruct],
         qos: Qos,
     ) -> None:
-        """Raises PortError when DDS refuses."""
+        """Raises PortError if DDS refuses."""
         self._loop = loop
         self.topic = topic
         try:
@@ -109,7 +107,7 @@ class DdsWriter:
         self._loses_messages = False
 
     def write(self, data: bytes) -> None:
-        """Send data, immediately or as soon as slow readers allow it."""
+        """Send data, immediately or when slow readers allow it."""
         if self._writer is None:
             return
         if self._outbox or not self._try_write(data):
@@ -153,15 +151,15 @@ class DdsWriter:
 
 
 def list_matched(handles: Callable[[], list[int]]) -> list[int]:
-    """Handles of the matching ends. DDS counts them first and then lists them. If another one appears in between, the
-    wheel's list is too short and it raises IndexError, so this asks again."""
+    """Return handles of the matching ends. DDS counts them first and then lists them. If another one appears meanwhile,
+    the wheel's list is too short and it raises IndexError, so this tries again."""
     while True:
         with suppress(IndexError):
             return handles()
 
 
 def make_reader(participant: DomainParticipant, topic: str, idl: type[IdlStruct], qos: Qos) -> DataReader[Any]:
-    """Create a reader. Raises PortError when DDS refuses."""
+    """Create a reader. Raises PortError if DDS refuses."""
     try:
         return DataReader(participant, Topic(participant, topic, idl), qos)
     except DDSException as error:
@@ -169,17 +167,17 @@ def make_reader(participant: DomainParticipant, topic: str, idl: type[IdlStruct]
 
 
 _MOST_PER_TAKE = 500
-"""Messages that are taken from DDS in one call."""
+"""Maximum number of messages in one call."""
 _NOT_READ = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _ANY = ViewState.Any | InstanceState.Any | SampleState.Any
 TakeSamples = Callable[[int, int], Any]
-"""Takes from a reader (handle, largest number): returns a list, or a negative number."""
+"""Takes from a reader (handle, maximum number): returns a list, or a negative number."""
 HandleSample = Callable[[Any], None]
 """Receives one taken item, on the loop."""
 
 
 def take_samples(reader: int, most: int) -> Any:
-    """Pairs of bytes and `SampleInfo`."""
+    """Take pairs of bytes and `SampleInfo`."""
     return _clayer.ddspy_take(reader, _ANY, most)
 
 
@@ -204,7 +202,7 @@ class DdsReader:
         self._closed = closed
 
     def matched_writers(self) -> list[int]:
-        """Handles of the writers that it hears."""
+        """Handles of the matching writers."""
         return list_matched(self._reader.get_matched_publications) if self.is_open else []
 
     def deliver(self, sample: Any) -> None:
@@ -224,12 +222,12 @@ class ReaderThread:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, participant: DomainParticipant, name: str) -> None:
         self.failure = ""
-        """Why nothing is read any more; empty while it works."""
+        """Why reading has ended; empty: it works."""
         self._inbox = Inbox(loop)
         self._waitset = WaitSet(participant)
         self._guard = GuardCondition(participant)
         self._readers: dict[int, DdsReader] = {}
-        """By handle, which the wait set returns when there is something to read."""
+        """The readers by handle, which the wait set returns when there is something to read."""
         self._closing = False
         self._waitset._waitset_attach(self._waitset._ref, self._guard._ref, 0)
         self._thread = Thread(target=self._run, name=name, daemon=True)
@@ -238,8 +236,8 @@ class ReaderThread:
     def add(
         self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples = take_samples, pause: float = 0.0
     ) -> DdsReader:
-        """Call `on_sample` with everything that arrives, until the returned reader is closed. `pause`: seconds after
-        reading in which nothing more is taken."""
+        """Call `on_sample` with every item, until the returned reader is closed. `pause`: seconds without taking after
+        each read."""
         added = DdsReader(reader, on_sample, take, pause, self._remove)
         self._readers[added.handle] = added
         self._attach(added)
@@ -256,7 +254,7 @@ class ReaderThread:
         self._detach(reader)
 
     def close(self, wait: float) -> None:
-        """End the thread, wait for it at most `wait` seconds, and close the remaining readers."""
+        """End the thread, wait at most `wait` seconds for it, and close the remaining readers."""
         self._closing = True
         self._guard.set(True)
         self._inbox.close()
@@ -271,7 +269,7 @@ class ReaderThread:
     def _run(self) -> None:
         try:
             self._read()
-        except Exception as error:  # any error: the transport reports that it has failed
+        except Exception as error:  # after any error, the transport reports its failure
             if not self._closing:
                 self.failure = f"reading from DDS ended: {error}"
                 _LOG.exception("reading from DDS ended")
@@ -280,7 +278,7 @@ class ReaderThread:
         wait, waitset = self._waitset._waitset_wait, self._waitset._ref
         triggered = (ctypes.c_void_p * 64)()
         pausing: deque[tuple[float, DdsReader]] = deque()
-        """The paused readers, and until when."""
+        """The paused readers, with the end of each pause."""
         while not self._closing:
             now = monotonic()
             while pausing and pausing[0][0] <= now:

@@ -1,11 +1,11 @@
 """ROS 2 without a ROS installation: the port over Cyclone DDS (the `cyclonedds` wheel), compatible with rmw_cyclonedds.
 
-Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With another, topics may arrive, but services,
-and with them actions, do not (`DdsTransport.programs_of_other_vendors` lists such programs).
+Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With another, topics may arrive, but services
+and actions do not (`DdsTransport.programs_of_other_vendors` lists such programs).
 
-Each program announces how fast its death is noticed. This transport has a lease of one second (`domain`). Others need
-`<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. A
-program that ends in order announces that immediately.
+Each program announces the time until its death is noticed. This transport has a lease of one second (`domain`). Other
+programs need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10
+seconds. A program that ends in order announces its end.
 
 It also reads the arguments after `--ros-args`: remappings, as in every ROS 2 program
 (https://design.ros2.org/articles/ros_command_line_arguments.html). The rclpy transport leaves this to rclpy.
@@ -35,7 +35,7 @@ from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS,
 
 # --- arguments of ROS -------------------------------------------------------------------------------------------------
 
-# Arguments that are right for ROS and mean nothing here: logging, and parameters, which `parameters` has already read.
+# Arguments that are valid for ROS and have no effect here: logging, and parameters, which `parameters` has read.
 _WITH_VALUE = {"--params-file", "--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave"}
 _FLAGS = {
     *("--disable-stdout-logs", "--enable-stdout-logs", "--disable-rosout-logs", "--enable-rosout-logs"),
@@ -47,7 +47,7 @@ class RosArguments(Struct, frozen=True):
     node: str
     namespace: str = "/"
     remaps: tuple[tuple[str, str], ...] = ()
-    """For that node's topics, services and actions: what is replaced, and by what. The first match counts."""
+    """The replacements for that node's topics, services and actions. The first match counts."""
 
 
 def parse_ros_arguments(arguments: Sequence[str], node: str) -> RosArguments:
@@ -89,7 +89,7 @@ def _next_value(option: str, rest: Iterator[str]) -> str:
 
 
 def _parse_remap(rule: str) -> tuple[str, str, str]:
-    """`[node:]from:=to` as the node that it applies to (empty: all), from, to."""
+    """Parse `[node:]from:=to` into the node (empty: all), from, to."""
     source, separator, target = rule.partition(":=")
     if not separator or not source or not target:
         raise PortError(f"--ros-args: {rule!r} is no remapping; one looks like from:=to")
@@ -159,7 +159,7 @@ class DdsTransport:
         share: Sequence[str | Path] = (),
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """`node`: its name, unless `arguments` (those after `--ros-args`) set another. `share`: further folders of
+        """`node`: its name, unless `arguments` (those after `--ros-args`) set another. `share`: additional folders of
         definitions. Raises PortError with a sentence."""
         given = parse_ros_arguments(arguments, node)
         self._names = NameResolver(given.node, given.namespace, given.remaps)
@@ -243,7 +243,7 @@ class DdsTransport:
 # --- services ---------------------------------------------------------------------------------------------------------
 
 # As in rmw_cyclonedds: a topic for requests and one for replies. Every message begins with its client's id and a
-# number. Ids in the user data show which writers and readers belong together.
+# number. Ids in the user data pair writers and readers.
 
 
 _HEADER = struct.Struct("<Qq")
@@ -251,9 +251,9 @@ _BODY = 4 + _HEADER.size
 _QOS = QoS(depth=1000)
 """For requests and replies. ROS has a depth of 10; this affects only this side's memory."""
 _UNANSWERED = 10_000
-"""The most requests that wait for answers; beyond this, the oldest is forgotten."""
+"""Maximum number of requests that wait for answers. Beyond this, the oldest is forgotten."""
 _ANSWER_KEPT_SECONDS = 1.0
-"""Seconds that an answer is kept for a client whose reader is not visible yet."""
+"""Seconds that an answer waits for a client whose reader is not visible yet."""
 _RETRY_SECONDS = 0.005
 _LOG = logging.getLogger(__name__)
 
@@ -269,7 +269,7 @@ class DdsClient:
         self._waiting: dict[int, Callable[[Message], None]] = {}
         self._number = 0
         self._matched_handles: tuple[list[int], list[int]] | None = None
-        """The other ends at the last check, if all of them were known."""
+        """The other ends at the last check, if all were known."""
         self._count = 0
         ids = {"clientid": node.new_service_id()}
         self._reader = node.open_reader(names.reply_topic(name), self._response.type, _QOS, self._on_sample, ids)
@@ -329,7 +329,7 @@ class DdsServer:
         self._response = node.types.codec(f"{type}_Response")
         self._on_request = on_request
         self._reachable: set[int] = set()
-        """Writers of requests (by handle) whose readers of replies have been seen."""
+        """Writers of requests (by handle) whose readers of replies were seen."""
         ids = {"serviceid": node.new_service_id()}
         self._writer = node.open_writer(names.reply_topic(name), self._response.type, _QOS, ids)
         self._reader = node.open_reader(names.request_topic(name), self._request.type, _QOS, self._on_sample, ids)
@@ -354,7 +354,7 @@ class DdsServer:
         self._on_request(self._request.unpack(data, _BODY), reply)
 
     def _send_answer(self, client: int, data: bytes, until: float) -> None:
-        """Send an answer once its client's reader is known; before that DDS would drop it."""
+        """Send an answer when its client's reader is known. Before that, DDS would drop it."""
         if not self._reader.is_open:
             return
         if client not in self._reachable:
@@ -373,7 +373,7 @@ class DdsServer:
         self._writer.write(data)
 
     def _client_listens(self, client: int) -> bool | None:
-        """Whether the reader of a client is there; None: no part of the client is."""
+        """Whether the reader of a client exists; None: no part of the client does."""
         writer = graph.find_matched_writer(self._reader.handle, client)
         if writer is None:
             return None

@@ -1,8 +1,8 @@
 """The ROS types that are known here, without a ROS installation.
 
-A definition is looked up in this order: folders that the user names; the sourced ROS workspaces (`AMENT_PREFIX_PATH`);
-the definitions that come with this program (`share/`: RISE's own, and the field layouts of the robot skills that it
-uses); and the standard packages of ROS 2 Jazzy, from the library `rosbags`.
+A definition is searched in this order: the user's folders; the sourced ROS workspaces (`AMENT_PREFIX_PATH`); the
+definitions of this program (`share/`: RISE's own, and the field layouts of robot skills); and the standard packages of
+ROS 2 Jazzy, from the library `rosbags`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rise_adapters.ros2.transport.port import PortError
 from rise_engine.base.nearest_name import nearest_name
 
 SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
-"""Other packages' definitions that come with this program."""
+"""The folder of other packages' definitions that come with this program."""
 RISE_INTERFACES = next(
     folder
     for folder in (SHARE_FOLDER / "rise_interfaces", Path(rise_adapters.ros2.__file__).parents[2] / "rise_interfaces")
@@ -40,11 +40,11 @@ _STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
 
 
 class InterfaceCatalog:
-    """Definitions by name, read when they are first needed, and everything derived from them."""
+    """Definitions by name, read at their first use, and everything derived from them."""
 
     def __init__(self, share: Sequence[str | Path] = (), environment: Mapping[str, str] = os.environ) -> None:
         """`share`: folders `.../share` that contain `PACKAGE/{msg,srv,action}`, or folders of single packages. Raises
-        PortError when one does not exist."""
+        PortError if one does not exist."""
         own = [Path(folder).expanduser() for folder in share]
         for folder in own:
             if not folder.is_dir():
@@ -82,13 +82,13 @@ class InterfaceCatalog:
         return definition
 
     def fields(self, type: str) -> dict[str, str]:
-        """As `port.Transport.fields`. All nested types are then known, too."""
+        """As `port.Transport.fields`. This also loads all nested types."""
         definition = self.message_definition(type)
         self._check_fields(definition, definition, (), ())
         return {field.name: str(field.type) for field in definition.fields}
 
     def type_hash(self, type: str) -> str:
-        """As `port.Transport.type_hash`. Raises PortError when the type or a nested one is unknown."""
+        """As `port.Transport.type_hash`. Raises PortError if the type or a nested one is unknown."""
         if type not in self._hashes:
             self._hashes[type] = definitions.type_hash(type, self.definition)
         return self._hashes[type]
@@ -137,8 +137,8 @@ class InterfaceCatalog:
     def _check_fields(
         self, whole: InterfaceDefinition, part: InterfaceDefinition, within: tuple[str, ...], path: tuple[str, ...]
     ) -> None:
-        """Check the fields of a type. Raises PortError: a nested type is unknown, or contains itself, or `cdr` does not
-        support a field. `within`: the types that contain `part`; `path`: the fields of `whole` on the way to it."""
+        """Check the fields of a type. Raises PortError: a nested type is unknown, a type contains itself, or `cdr` does
+        not support a field. `within`: the types that contain `part`; `path`: the fields of `whole` on the way to it."""
         if part.name in within:
             raise PortError(f"{part.origin}: {part.name} contains itself, by way of {' in '.join(within)}")
         for field in part.fields:

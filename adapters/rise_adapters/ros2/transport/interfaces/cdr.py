@@ -4,7 +4,7 @@ A type's codec is built once from a pair of small functions for each field, one 
 is relative to the end of the header, and zeros fill the gaps. Source: OMG, Common Object Request Broker Architecture
 (CORBA) 3.3, part 2, 9.3 "CDR Transfer Syntax".
 
-Why not the codec of the library `rosbags`, which provides the standard definitions: docs/decisions/archive.md, 26.
+For the reasons against the codec of the library `rosbags`, see docs/decisions/archive.md, 26.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ _CODES = {
     "float32": "f",
     "float64": "d",
 }
-"""The numbers, by their `struct` codes."""
+"""The numbers, with their `struct` codes."""
 _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
 """The errors of `struct` for values that do not fit the type."""
 _COUNT = struct.Struct("<I")
 
 Write: TypeAlias = Callable[[bytearray, Any], None]
-"""Append a value to the bytes. Raises `_FieldMisfit`."""
+"""Appends a value to the bytes. Raises `_FieldMisfit`."""
 Read: TypeAlias = Callable[[bytes, int], tuple[Any, int]]
-"""The value at a position, and the next position. Raises struct.error or ValueError when the bytes end too early."""
+"""Returns the value at a position, and the next position. Raises struct.error or ValueError if bytes are missing."""
 
 
 class _FieldMisfit(PortError):
-    """A value that does not fit. Each caller that knows a part of the field's path adds it."""
+    """A value that does not fit. Each caller adds its part of the field's path."""
 
     def __init__(self, sentence: Callable[[str], str]) -> None:
         """`sentence` receives the path of the field; empty: the message itself."""
@@ -63,12 +63,12 @@ def _misfit(what: str) -> _FieldMisfit:
 
 
 class _FieldCodec(NamedTuple):
-    """How to write and read one field, or one element of it."""
+    """Functions that write and read one field, or one element of it."""
 
     write: Write
     read: Read
     zero: Any
-    """The value that is written if the field is left out."""
+    """The value of an omitted field."""
 
 
 class MessageCodec:
@@ -80,7 +80,7 @@ class MessageCodec:
         self._whole = _CodecBuilder(message).codec(type)
 
     def pack(self, message: Message, head: bytes = b"") -> bytes:
-        """The bytes of a message, filled up to a multiple of 4. `head` comes before it, after the CDR header (its
+        """Return the bytes of a message, padded to a multiple of 4. `head` comes before it, after the CDR header (its
         length is a multiple of 8). Raises PortError that names the field that does not fit."""
         out = bytearray(head)
         self._whole.write(out, message)
@@ -88,8 +88,8 @@ class MessageCodec:
         return HEADER + out
 
     def unpack(self, data: bytes, start: int = 4) -> Message:
-        """The message in `data`, from `start` on (4 more than a multiple of 8). Raises PortError when the bytes are not
-        such a message."""
+        """Return the message in `data`, from `start` on (4 more than a multiple of 8). Raises PortError if it is
+        none."""
         if data[:2] != HEADER[:2]:
             raise PortError(f"a message of {self.type} came in an encoding that is not understood: {data[:4].hex()}")
         try:
@@ -194,7 +194,7 @@ def _text_codec(type: InterfaceFieldType) -> _FieldCodec:
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
         size, at = _read_count(data, at)
-        # The length includes the zero at the end; some writers send an empty text as no bytes at all.
+        # The length includes the final zero. Some writers send an empty text as no bytes at all.
         return str(data[at : at + size - 1], "utf-8", "replace") if size else "", at + size
 
     return _FieldCodec(write, read, "")

@@ -1,12 +1,12 @@
 """Reads ROS interface definitions: the text of a `.msg`, `.srv` or `.action` file
 (https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html).
 
-Names become full names (`PointStamped` of `geometry_msgs` becomes `geometry_msgs/msg/PointStamped`). The types that a
-service or an action implies are derived: requests and responses, and for an action the services and messages that carry
-it (https://design.ros2.org/articles/actions.html).
+Names become full names (`PointStamped` of `geometry_msgs` becomes `geometry_msgs/msg/PointStamped`). Types implied by a
+service or an action are derived: requests and responses, and for an action the services and messages that carry it
+(https://design.ros2.org/articles/actions.html).
 
-Type hashes `RIHS01_...` (https://ros.org/reps/rep-2016.html) show two nodes whether they mean the same type by one
-name. A hash covers names, fields and everything nested; comments, constants and defaults do not count.
+Two nodes compare type hashes `RIHS01_...` (https://ros.org/reps/rep-2016.html) to check that they mean the same type by
+one name. A hash covers names, fields and everything nested, but no comments, constants and defaults.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ INTEGER_RANGES = {
     for bits in (8, 16, 32, 64)
     for sign in ("", "u")
 }
-"""The integer types in the order of their ids in type hashes, with the least and the largest value of each."""
+"""The integer types in the order of their ids in type hashes, with the smallest and largest value of each."""
 PRIMITIVES = frozenset({"bool", "byte", "float32", "float64", "string", "wstring", *INTEGER_RANGES})
 _ALIASES = {"char": "uint8"}
-"""ROS 2 keeps `char` as another name for `uint8`; the wire and type hashes have only `uint8`."""
+"""ROS 2 keeps `char` as another name for `uint8`. The wire and type hashes have only `uint8`."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 
 _PACKAGE = r"[a-z][a-z0-9_]*"
@@ -50,9 +50,9 @@ class InterfaceFieldType(Struct, frozen=True):
     base: str
     """A primitive in ROS's spelling, or the full name of a message: `float64`, `geometry_msgs/msg/Point`."""
     length: int = 0
-    """The most bytes of a `string<=N`. 0: no limit."""
+    """Maximum bytes of a `string<=N`; 0: no limit."""
     container: str = ""
-    """Empty for one value; `array` (exactly `count`), `bounded` (at most `count`) or `sequence`."""
+    """Empty: one value; `array` (exactly `count`), `bounded` (at most `count`) or `sequence`."""
     count: int = 0
 
     @property
@@ -71,7 +71,7 @@ class InterfaceField(Struct, frozen=True):
 
 
 class InterfaceDefinition(Struct, frozen=True):
-    """A message type, or a whole service or action (whose fields are then its parts)."""
+    """A message type, or a whole service or action, whose fields are its parts."""
 
     name: str
     """`std_msgs/msg/String`, `rise_interfaces/action/Speech_Goal`."""
@@ -79,11 +79,11 @@ class InterfaceDefinition(Struct, frozen=True):
     origin: str
     """Its source: a file's path, or a few words."""
     is_whole: bool = False
-    """Whether it is a service or an action, which has no messages of its own."""
+    """Whether it is a service or an action, and no message."""
 
 
 def split_name(name: str) -> tuple[str, str, str]:
-    """The package, the kind (`msg`, `srv`, `action`) and the name of a type. Raises PortError if it is not one."""
+    """Split a type's name into package, kind (`msg`, `srv`, `action`) and name. Raises PortError if it is none."""
     match = _FULL.fullmatch(name)
     if match is None:
         raise PortError(f"{name!r} is not the name of a ROS type; one looks like std_msgs/msg/String")
@@ -91,7 +91,7 @@ def split_name(name: str) -> tuple[str, str, str]:
 
 
 def read_definitions(package: str, kind: str, name: str, text: str, origin: str) -> dict[str, InterfaceDefinition]:
-    """Everything that one file defines and implies, by full name. Raises PortError with the place (`origin:line`)."""
+    """Read all types that a file defines and implies, by full name. Raises PortError with the place (`origin:line`)."""
     parts: list[list[tuple[int, str]]] = [[]]
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() == "---" and kind != "msg":
@@ -163,8 +163,7 @@ def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]
 
 
 def file_stems(kind: str, name: str) -> Iterator[str]:
-    """The files that may define a type of this name, the likeliest first. Types that a service or an action implies
-    have its name and an ending after `_`."""
+    """The files that may define a type, likeliest first. Implied types have a name with an ending after `_`."""
     yield name
     while kind != "msg" and "_" in name:
         name = name.rpartition("_")[0]
@@ -201,7 +200,7 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
 
 
 def read_field_type(text: str, place: str, package: str = "") -> InterfaceFieldType:
-    """A type in ROS's spelling. `package`: for a message that is named without one. Raises PortError with the place."""
+    """Read a type in ROS's spelling. `package`: for messages without one. Raises PortError with the place."""
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
@@ -265,7 +264,7 @@ PLACEHOLDER_FIELD = "structure_needs_at_least_one_member"
 
 
 def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> str:
-    """The hash of a type. `definition` returns the types nested in it; its errors pass through."""
+    """The hash of a type. `definition` returns the nested types; its errors pass through."""
     described: dict[str, dict[str, Any]] = {}
 
     def describe(type: str) -> None:
@@ -286,12 +285,12 @@ def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> st
         "type_description": described.pop(name),
         "referenced_type_descriptions": [described[type] for type in sorted(described)],
     }
-    # The hash is that of a text: this separator and this order of keys are part of the standard.
+    # The hash is that of a text. Its separators and order of keys are part of the standard.
     return f"RIHS01_{sha256(json.dumps(whole, separators=(', ', ': ')).encode()).hexdigest()}"
 
 
 def read_built_hashes(file: Path) -> dict[str, str]:
-    """The hashes, by type, that rosidl wrote beside a definition at build time; none if they cannot be read."""
+    """The hashes, by type, that rosidl wrote beside a definition at build time; empty: unreadable."""
     try:
         return {each["type_name"]: each["hash_string"] for each in json.loads(file.read_text("utf-8"))["type_hashes"]}
     except (OSError, ValueError, LookupError, TypeError):

@@ -1,7 +1,7 @@
 """Converts messages of an installed ROS to the port's plain values, and back.
 
-rclpy does not check what is put into a message (and a wrong value can end the process in its C code). This module
-therefore checks everything, and names the path of a field that does not fit: `pose.position.x`.
+rclpy does not check the values of a message, and a wrong one can end the process in its C code. So this module checks
+everything, and names the path of a field that does not fit: `pose.position.x`.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from rise_adapters.ros2.transport.port import Message, PortError
 
 _FLOATS = {"float": "float32", "double": "float64"}
 _LARGEST_FLOAT32 = 3.4028235677973366e38
-"""Everything smaller (in size) is rounded to a finite float32."""
+"""Smaller values (in size) are rounded to a finite float32."""
 
 Read: TypeAlias = Callable[[Any], Any]
 Write: TypeAlias = Callable[[Any, str], Any]
-"""Receives the value and the path of its field. Raises PortError when it does not fit."""
+"""Receives the value and the path of its field. Raises PortError if it does not fit."""
 
 
 class FieldConverter(NamedTuple):
-    """How one field (or one element of an array) is read from a message of rclpy, and written into it."""
+    """Functions that read one field (or one element of an array) from a message of rclpy, and write it."""
 
     type: str
     """The type in ROS's spelling."""
@@ -58,13 +58,13 @@ class MessageConverter:
         return bool(self._zero)
 
     def read(self, message: Any) -> Message:
-        """A message of rclpy as plain values."""
+        """Convert a message of rclpy to plain values."""
         return {
             name: getattr(message, name) if read is None else read(getattr(message, name)) for name, read in self._read
         }
 
     def write(self, message: Any, path: str = "") -> Any:
-        """Plain values as a message of rclpy. Raises PortError when they do not fit."""
+        """Convert plain values to a message of rclpy. Raises PortError if they do not fit."""
         if not isinstance(message, Mapping):
             raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
         written = self._maker()
@@ -90,7 +90,7 @@ def number_converter(name: str) -> FieldConverter:
         return FieldConverter(_FLOATS[name], _float_writer(_FLOATS[name]), float)
     if name == "boolean":
         return FieldConverter("bool", _write_boolean, bool)
-    if name == "octet":  # rclpy keeps it as `bytes` of length one
+    if name == "octet":  # in rclpy, `bytes` of length one
         check = _integer_writer("byte", 0, 255)
         return FieldConverter(
             "byte", lambda value, path: bytes((check(value, path),)), lambda: b"\0", lambda value: value[0]
@@ -182,7 +182,7 @@ def list_converter(
         return held.tolist() if hasattr(held, "tolist") else list(held)  # an array.array, a numpy array, or a list
 
     converter = FieldConverter(text, write_elements, make_zeros, read, element.has_default and bool(fixed))
-    if element.type == "uint8":  # an array.array or a numpy array in rclpy; both take a bytearray
+    if element.type == "uint8":  # in rclpy an array.array or a numpy array; both accept a bytearray
         return converter._replace(
             write=lambda given, path: bytearray(write_octets(given, path)), read=lambda held: held.tobytes()
         )

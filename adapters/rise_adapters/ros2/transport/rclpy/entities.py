@@ -59,7 +59,7 @@ class RclpyEntity:
             callback(*arguments)
 
 
-# rclpy's own callbacks for events would only write log lines, and each slows down every turn of the executor.
+# rclpy's default callbacks for events only write log lines, and each slows down every turn of the executor.
 
 
 # --- services ---------------------------------------------------------------------------------------------------------
@@ -99,12 +99,12 @@ class RclpyServer(RclpyEntity):
             self._entity.send_response = self._take_request
 
     def _pass_on(self, request: Any, response: Any) -> Any:
-        """rclpy's callback, in the spinning thread. Its result goes with the request's header to `_take_request`."""
+        """Pass on a request, as rclpy's callback in the spinning thread. `_take_request` gets it, with the header."""
         with self._ready:
             return request
 
     def _take_request(self, request: Any, header: Any) -> None:
-        """Take a request, in the spinning thread, where the executor means to send an answer."""
+        """Take a request, in the spinning thread, in place of the executor's sending of an answer."""
         self.hand_over(self._handle_request, self._request.read(request), header)
 
     def _handle_request(self, request: Message, header: Any) -> None:
@@ -118,7 +118,7 @@ class RclpyServer(RclpyEntity):
             answered = True
             try:
                 self._send(written, header)
-            except Exception as error:  # the client is gone or cannot be reached
+            except Exception as error:  # the client is gone or unreachable
                 _log.info("an answer could not be sent: %s", first_line(error))
 
         self._on_request(request, reply)
@@ -157,7 +157,7 @@ class RclpyClient(RclpyEntity):
         future.add_done_callback(lambda done: self._take_response(done, on_response))
 
     def _take_response(self, done: Any, on_response: Callable[[Message], None]) -> None:
-        """Take a response, in the spinning thread; on the loop's thread if the answer was faster than `call`."""
+        """Take a response, in the spinning thread, or on the loop's thread if the answer was faster than `call`."""
         response = done.result()
         if response is not None:
             self.hand_over(on_response, self._response.read(response))
@@ -220,7 +220,7 @@ class RclpySubscription(RclpyEntity):
     def _read_newest(self, pause: float, depth: int, type: Any, read: Callable[[Any], None]) -> None:
         """Read on the loop what the middleware has kept, and again after the pause.
 
-        rclpy's executor would take each message; messages that the middleware drops cost nothing.
+        rclpy's executor would take each message, but messages dropped by the middleware cost nothing.
         """
         if not self.works:
             return

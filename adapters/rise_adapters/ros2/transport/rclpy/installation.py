@@ -22,7 +22,7 @@ class Rclpy(NamedTuple):
 
 
 def load_rclpy() -> Rclpy:
-    """Import rclpy. Raises PortError when it cannot be used here."""
+    """Import rclpy. Raises PortError if it cannot be used here."""
     why = rclpy_missing()
     if why:
         raise PortError(why)
@@ -37,7 +37,7 @@ def load_rclpy() -> Rclpy:
 
 
 def rclpy_missing() -> str:
-    """Why rclpy cannot be used here, as a sentence; empty when it can."""
+    """Why rclpy cannot be used here, in a sentence; empty: it can."""
     try:
         rclpy = import_module("rclpy")
         import_module("rclpy.node")  # loads the compiled part, which fails with another Python
@@ -49,7 +49,7 @@ def rclpy_missing() -> str:
                 "this Python is not the one it was made for."
             )
         return f"rclpy is here, but it cannot be loaded: {first_line(error)}"
-    except Exception as error:  # a requested RMW that is not installed
+    except Exception as error:  # the requested RMW is not installed
         return f"rclpy is here, but it does not start: {first_line(error)}"
     return ""
 

@@ -1,5 +1,5 @@
-"""One node of rclpy and the thread that spins it. It has its own context, so that other users of rclpy in the same
-process are not affected."""
+"""One node of rclpy and the thread that spins it, in a context of its own, so that it does not affect other users of
+rclpy."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _log = logging.getLogger(__name__)
 
 _JOIN_SECONDS = 2.0
 _CLOSED_KEPT = 256
-"""Closed publishers, subscriptions, services and clients that are kept for a while."""
+"""The number of closed entities that are kept for a while."""
 _MOST_FAILURES = 20
-"""Failures of the executor in a row after which it is given up."""
+"""Number of successive failures of the executor after which it is given up."""
 
 
 class SpinningNode:
@@ -77,7 +77,7 @@ class SpinningNode:
     def destroy(self, destroy: Callable[[Any], Any], thing: Any) -> None:
         """Destroy an entity in the spinning thread, which may be using it.
 
-        The executor may still have events that know it only by its address, so it is kept for a while.
+        The executor may still have events with only its address, so it is kept for a while.
         """
         self._closed_things.append(thing)
         if not self.failure():
@@ -86,7 +86,7 @@ class SpinningNode:
     # --- quality of service -----------------------------------------------------------------------------------------
 
     def read_profile(self, profile: Any) -> QoS | None:
-        """A quality of service of rclpy for the port; None: the middleware does not report it."""
+        """Convert a quality of service of rclpy for the port; None: the middleware does not report it."""
         policies = self.rclpy.qos
         reliable = {policies.ReliabilityPolicy.RELIABLE: True, policies.ReliabilityPolicy.BEST_EFFORT: False}
         latched = {policies.DurabilityPolicy.TRANSIENT_LOCAL: True, policies.DurabilityPolicy.VOLATILE: False}
@@ -96,7 +96,7 @@ class SpinningNode:
             return None
 
     def make_profile(self, qos: QoS) -> Any:
-        """A quality of service for rclpy."""
+        """Convert a quality of service for rclpy."""
         policies = self.rclpy.qos
         return policies.QoSProfile(
             history=policies.HistoryPolicy.KEEP_LAST,
@@ -114,7 +114,7 @@ class SpinningNode:
         return self._lost
 
     def check_works(self) -> None:
-        """Raise PortError when the node has ended."""
+        """Raise PortError if the node has ended."""
         if self.failure():
             raise PortError(f"The ROS node {self.name} can be used no more: {self.failure()}.")
 
@@ -129,7 +129,7 @@ class SpinningNode:
         if self.spins_on:
             self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
         elif self._context.ok():
-            self._executor.create_task(lambda: None)  # wakes the thread, which then sees that it must end
+            self._executor.create_task(lambda: None)  # wakes the thread, which then ends
         self._thread.join(_JOIN_SECONDS)
         if self._thread.is_alive():
             _log.warning("the thread of the ROS node %s did not end", self.name)
@@ -151,8 +151,7 @@ class SpinningNode:
             except self.rclpy.executors.ExternalShutdownException:
                 break
             except Exception as error:
-                # One bad message, or one entity that was closed in the meantime. Everything else follows in the next
-                # turn.
+                # One bad message, or an entity that was closed meanwhile. Everything else follows in the next turn.
                 failures += 1
                 _log.warning("the executor of the ROS node %s failed: %s", self.name, first_line(error))
                 if failures >= _MOST_FAILURES:
@@ -161,7 +160,7 @@ class SpinningNode:
 
 
 def _node_class(rclpy: Rclpy) -> Any:
-    """A node class of rclpy whose raw subscriptions are read by their owners, not by its executor."""
+    """Return a node class of rclpy whose raw subscriptions are read by their owners, not by its executor."""
 
     def subscriptions(node: Any) -> Iterator[Any]:
         return (each for each in rclpy.Node.subscriptions.fget(node) if not each.raw)
@@ -170,7 +169,7 @@ def _node_class(rclpy: Rclpy) -> Any:
 
 
 def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
-    """An executor, and whether its `spin` runs until `shutdown` and can be ended by it.
+    """Return an executor, and whether its `spin` runs until `shutdown`, which can end it.
 
     rclpy's executor of events costs the same for a node with a hundred endpoints as for one with three: 0.5 ms for a
     call that arrives and is answered. The usual executor examines all endpoints again for each message: 2 to 3 ms with
@@ -179,6 +178,6 @@ def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
     try:
         events = import_module("rclpy.experimental.events_executor")
         return events.EventsExecutor(context=context), True
-    except Exception as error:  # missing or changed: it is an experiment of rclpy's
+    except Exception as error:  # missing or changed: it is experimental
         _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
         return rclpy.executors.SingleThreadedExecutor(context=context), False

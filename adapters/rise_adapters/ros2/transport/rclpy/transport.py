@@ -28,7 +28,7 @@ _UNKNOWN = "_UNKNOWN_"
 
 
 class RclpyGraph:
-    """The other nodes, by full names. It is empty once the node has ended."""
+    """The other nodes, by full names. Empty when the node has ended."""
 
     def __init__(self, node: SpinningNode, vendor: str) -> None:
         """`vendor`: the vendor of this node's software, as in `RemoteEndpoint`."""
@@ -43,7 +43,7 @@ class RclpyGraph:
         return self._find_endpoints(self._node.get_subscriptions_info_by_topic, topic)
 
     def find_servers(self, service: str) -> list[RemoteEndpoint]:
-        # RMWs on DDS carry a service on two topics: the servers read the one and write the other.
+        # RMWs on DDS carry a service on two topics: servers read one and write the other.
         found = [
             *self._find_endpoints(self._node.get_subscriptions_info_by_topic, f"rq{service}Request", no_mangle=True),
             *self._find_endpoints(self._node.get_publishers_info_by_topic, f"rr{service}Reply", no_mangle=True),
@@ -79,7 +79,7 @@ class RclpyGraph:
         return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
     def _look_up(self, question: Callable[..., Any], *about: str, **more: bool) -> list[Any]:
-        """What rclpy lists; nothing if it cannot look something up, such as a node that has just gone."""
+        """Return rclpy's list; empty if rclpy cannot look something up, such as a node that has just gone."""
         if self._spinning.failure():
             return []
         try:
@@ -89,7 +89,7 @@ class RclpyGraph:
             return []
 
     def _find_endpoints(self, list_infos: Callable[..., Any], name: str, **more: bool) -> list[RemoteEndpoint]:
-        """The endpoints of others under a name."""
+        """The endpoints of other nodes under a name."""
         infos = self._look_up(list_infos, name, **more)
         return [self._make_endpoint(info) for info in infos if _full_name(info) != self._spinning.name]
 
@@ -105,7 +105,7 @@ class RclpyGraph:
         )
 
     def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:
-        """A service's endpoints from those nodes that are known to offer it."""
+        """A service's endpoints at the nodes that are known to offer it."""
         found: list[RemoteEndpoint] = []
         for name, namespace in self._look_up(self._node.get_node_names_and_namespaces):
             node = f"{namespace.rstrip('/')}/{name}"
@@ -125,7 +125,7 @@ def _full_name(info: Any) -> str:
 
 
 def _read_hash(value: Any) -> str:
-    """The type hash of an endpoint; empty when it announces none (rclpy then has `INVALID`)."""
+    """The type hash of an endpoint; empty: not announced (`INVALID` in rclpy)."""
     text = "" if value is None else str(value)
     return text if text.startswith("RIHS") else ""
 
@@ -151,7 +151,7 @@ class RclpyTransport:
         """Create the node `node` and begin to spin. Must be called on the thread of `loop`.
 
         `arguments` are those of `--ros-args` (remappings, parameters, enclave, log levels), with or without the flag
-        itself. Raises PortError when rclpy cannot be used or refuses them.
+        itself. Raises PortError if rclpy cannot be used or refuses them.
         """
         self._node = SpinningNode(loop, node, arguments)
         self._types = InstalledTypes()
@@ -184,8 +184,8 @@ class RclpyTransport:
     # --- the graph ------------------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
-        # A rule for topics only (`rostopic://a:=b`) or services only does not affect the other kind, so the first one
-        # that applies is meant. An action's name is resolved before `/_action/...` is added, so all its parts follow.
+        # A rule for topics only (`rostopic://a:=b`) or services only does not affect the other kind, so the first rule
+        # that applies counts. An action's name is resolved before `/_action/...` is added, so all its parts follow.
         node = self._node.rclpy_node
         try:
             plain: str = node.resolve_topic_name(name, only_expand=True)

@@ -34,11 +34,11 @@ _PARTS = {
     ("action", "GetResult_Request"): "Impl.GetResultService.Request",
     ("action", "GetResult_Response"): "Impl.GetResultService.Response",
 }
-"""Where an implied class of a service or an action is, below its own class."""
+"""The attribute of an implied class of a service or an action, in its own class."""
 
 
 class InstalledTypes:
-    """The types that can be imported. Every method raises PortError that names what is missing and where to get it."""
+    """The types that can be imported. Every method raises PortError that names the missing type and its source."""
 
     def __init__(self) -> None:
         self._converters: dict[str, MessageConverter] = {}
@@ -67,7 +67,7 @@ class InstalledTypes:
         return dict(self.find_message(type)[1].fields)
 
     def find_hash(self, type: str) -> str:
-        """`RIHS01_...` as rosidl wrote it beside the definition; empty when it is not available."""
+        """`RIHS01_...` as rosidl wrote it beside the definition; empty: not available."""
         match = _NAME.fullmatch(type)
         if match is None:
             return ""
