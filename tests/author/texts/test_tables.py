@@ -163,7 +163,7 @@ def one_row(**cells: str) -> ReadTable:
         ({"de": ""}, study(), "the cell `de` is empty; “Gut.” stays what it says"),
         ({"text": ""}, study(), "the text is empty"),
         ({"text": "Good {name."}, study(), "a `{` without its `}`"),
-        ({"de": "Gut, {name}."}, study(), "`de`: the translation has {name}, which the text has not"),
+        ({"de": "Gut, {name}."}, study(), "`de`: the translation has {name}, which the text does not have"),
         ({"de": "<speak>Gut."}, study(), "`de`: "),
         ({"de": "Schön.", "check": ""}, study(), "the table does not say (in `check`) what `de` was"),
         ({"de": "Schön.", "of": ""}, study(), "its cell `of` is empty"),
