@@ -280,7 +280,7 @@ def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFin
         played = find_times(scenario, finding.path, exploration.bounds)
         if not played.is_certain:
             yield fill(
-                f"Perhaps it does not come like this: {played.problem}.",
+                f"This path could not be confirmed: {played.problem}.",
                 _WIDTH,
                 initial_indent="      ",
                 subsequent_indent="      ",
