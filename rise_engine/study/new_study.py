@@ -104,7 +104,7 @@ def study_toml_text(new: NewStudy) -> str:
     study = new.study
     lines = [
         "# The design of this study. You change it here; `rise-engine study check` says in",
-        "# words what is wrong with it. Once there is a plan, what the plan is made of stays:",
+        "# words what is wrong with it. Once there is a plan, it fixes these:",
         "# seed, n, scenario, factors, assignment, strata. The id stays too, once there is a session.",
         "",
         f"title    = {toml_value(study.title)}",
@@ -184,7 +184,7 @@ def _assignment_lines(study: Study) -> Iterable[str]:
     yield "[assignment]"
     if any(factor.kind == "between" for factor in study.factors):
         yield "# blocks: in each block, every cell comes equally often, as often as one of the numbers in"
-        yield "# `block`, which is drawn. Others: minimise, random, list (plan.csv is yours)."
+        yield "# `block`, drawn at random. Others: minimise, random, list (plan.csv is yours)."
         yield f"between = {toml_value(settings.between)}"
         yield f"block   = {toml_value(list(settings.block))}"
     if settings.strata:
@@ -213,7 +213,7 @@ def _consent_lines(study: Study) -> Iterable[str]:
 
 def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
     yield "# What is looked at before and after each session, in this order. `ask`: somebody confirms"
-    yield '# it. `auto`: the program does it. run = ["./check.sh"]: a program of yours does it. What'
+    yield '# it. `auto`: the program does it. run = ["./check.sh"]: your own program does it.'
     yield "# fails keeps the session from beginning, unless blocks = false stands there."
     for check in checks:
         yield "[[check]]"
@@ -255,7 +255,7 @@ def _report_lines() -> Iterable[str]:
 def _participants_lines(study: Study) -> Iterable[str]:
     yield f"# {PARTICIPANTS_FILE} has a line for each participant. You write it, with an editor or a"
     yield "# spreadsheet; the program only reads it. Its columns:"
-    yield f"#   participant    a pseudonym of letters and digits, as {EXAMPLE}; who that is, is written elsewhere"
+    yield f"#   participant    a pseudonym of letters and digits, as {EXAMPLE}; keep the list of names elsewhere"
     for column, values in study.strata.items():
         yield f"#   {column:<14} {' or '.join(values)}"
     for name in study.consent:
@@ -267,4 +267,4 @@ def _participants_lines(study: Study) -> Iterable[str]:
     example = {"participant": EXAMPLE, **{column: values[0] for column, values in study.strata.items()}}
     example |= {f"consent_{name}": "2026-11-21" for name in study.consent}
     columns = header_line(study).split(",")
-    yield f"# So that a line is: {','.join(example.get(column, '') for column in columns)}"
+    yield f"# An example of a line: {','.join(example.get(column, '') for column in columns)}"

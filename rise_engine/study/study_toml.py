@@ -255,7 +255,7 @@ class _StudyReader:
                 self.diagnostics.error("unknown-name", table.value_location("strata", str(at)), message)
             elif column in named[:at]:
                 location = table.value_location("strata", str(at))
-                self.diagnostics.error("duplicate-name", location, f"`{column}` stands there twice")
+                self.diagnostics.error("duplicate-name", location, f"`{column}` is listed twice")
         misspelt = any(nearest_name(key, ("strata",)) for key in table.values if key not in _ASSIGNMENT_KEYS)
         for column in strata:
             if column not in named and not misspelt:
@@ -306,7 +306,7 @@ class _StudyReader:
                 message = f"a consent has a name of letters, digits and `_`, not `{name}`"
                 self.diagnostics.error("bad-name", location, message)
             elif name in needed[:at]:
-                self.diagnostics.error("duplicate-name", location, f"`{name}` stands there twice")
+                self.diagnostics.error("duplicate-name", location, f"`{name}` is listed twice")
         return tuple(dict.fromkeys(needed))
 
     def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:

@@ -456,7 +456,7 @@ def test_somebody_types_the_pseudonym(made: Folder, typed: str, code: int) -> No
     if typed == "P01":
         assert_gone(made)
     else:
-        assert "that is another one; nothing was erased" in err and made.sessions[0].exists()
+        assert "that is another pseudonym; nothing was erased" in err and made.sessions[0].exists()
 
 
 def test_in_a_copy_of_a_study_the_original_keeps_its_exports(made: Folder, tmp_path: Path) -> None:

@@ -149,11 +149,13 @@ def _find_clock(
         if name in known:
             return clock_of_file(known[name], data.outages, origin).as_coded(), "media"
     named = (
-        f"the recordings that it names ({', '.join(name for name, _ in document.media)}) are" if document.media else ""
+        f"align the recordings that it names first ({', '.join(name for name, _ in document.media)}; rise-engine media "
+        if document.media
+        else ""
     )
     raise SessionError(
-        f"where {path} lies against the session is not known: "
-        + (f"{named} not laid against it. rise-engine media add does that; or say" if named else "say")
+        f"{path} is not aligned with the session: "
+        + (f"{named}add), or use" if named else "use")
         + " --at SECONDS, the session second at which its times begin, or --at FILE=SESSION, one moment in both"
     )
 

@@ -106,7 +106,7 @@ def test_a_bundle_that_somebody_changed(bundle: Path) -> None:
     (bundle / "LICENSE").unlink()
     status, said, _ = run(bundle)
     assert status == 1
-    for told in ("changed: participants.csv", "missing: LICENSE", "not of the bundle: extra.txt"):
+    for told in ("changed: participants.csv", "missing: LICENSE", "not part of the bundle: extra.txt"):
         assert told in said
     assert "is not the check sum of a file" in said
     assert "2 of 2 sessions identical" in said
@@ -333,7 +333,7 @@ def test_the_same_robot_without_its_fault(bundle: Path) -> None:
     status, said, _ = run(bundle, "--robot", "generic")
     assert status == 1
     assert "2 of 2 sessions identical" in said
-    assert "14 of 16 acts end as they had" in said
+    assert "14 of 16 acts end as before" in said
     assert "Point of wizard:W1, at 40.0 s: SUCCEEDED, not ABORTED" in said
     assert "Point of wizard:W1 (number 2), at 43.0 s: was not played" in said
     assert "the same way: Lamp, Visit" in said
