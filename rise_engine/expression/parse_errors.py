@@ -146,7 +146,7 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
         return wrong_case_error(text, token)
     if name.lower() in _TEXT_OPERATORS:
         operator = _TEXT_OPERATORS[name.lower()]
-        hint = f'`{operator}` stands between two values: `key {operator} "text"`'
+        hint = f'`{operator}` belongs between two values: `key {operator} "text"`'
     else:
         known = ARITY | SITUATION_ARITY if of_property else ARITY
         near = nearest_name(name, known)
@@ -158,7 +158,7 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
 
 def situation_unknown_error(text: str, token: Token) -> ExpressionError:
     """`in('Main', 'Start')` outside a property of a study."""
-    hint = "only what [always], [reachable] and [eventually] in scenario.toml say can ask for the situation"
+    hint = "only [always], [reachable] and [eventually] in scenario.toml can ask for the situation"
     return ExpressionError(f"`{token.value}` cannot be asked here", text, token.start + 1, hint)
 
 

@@ -204,8 +204,8 @@ def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> t
             "\n".join(
                 (
                     f"the rows of those who hold a slot ({names}) do not fit into the new design. Participants "
-                    "who have begun keep their conditions: put the design back, exclude them (`rise-engine study exclude`), "
-                    "or make a new study in another folder",
+                    "who have begun keep their conditions: put the design back, exclude them "
+                    "(`rise-engine study exclude`), or make a new study in another folder",
                     *map(str, loaded.errors),
                 )
             )

@@ -86,7 +86,7 @@ def test_rows_of_several_sessions_say_whose_they_are(study: Path) -> None:
         (["study", "--format", "tables"], "use -o with the name of a new folder"),
         (["study", "--format", "csv"], "use -o with the name of a new file, such as sessions.csv"),
         (["study", "--format", "jsonl", "-o", "-"], "use -o with the name of a new folder"),
-        (["study", "--format", "tables", "-o", "study"], "study exists already, and files are never overwritten"),
+        (["study", "--format", "tables", "-o", "study"], "study is there already, and files are never overwritten"),
         (["study", "--format", "tables", "-o", "no/where"], "no/where cannot be made: there is no folder no"),
     ],
 )

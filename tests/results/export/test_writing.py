@@ -113,7 +113,7 @@ def test_what_is_there_stays_as_it_is(tmp_path: Path, name: str, what: str) -> N
             if what == "full folder":
                 (out / "mine").write_text("mine")
     before = out.lstat()
-    with pytest.raises(ExportError, match="exists already, and files are never overwritten"):
+    with pytest.raises(ExportError, match="is there already, and files are never overwritten"):
         export(load_format(name), out, [folder])
     assert out.lstat() == before and not (tmp_path / "nowhere").exists()
     assert names(tmp_path) == ["out", "scenario", "sessions"]
@@ -130,7 +130,7 @@ def test_what_somebody_puts_there_meanwhile_stays_too(
     if not links:  # as on a USB stick
         monkeypatch.setattr(os, "link", no_link)
     out = tmp_path / "out"
-    with pytest.raises(ExportError, match="exists already"), new_export(out, [], "csv", "full") as export:
+    with pytest.raises(ExportError, match="is there already"), new_export(out, [], "csv", "full") as export:
         if kind == "file":
             export.here.write_text("ours")
         else:
