@@ -182,7 +182,7 @@ def test_only_while_nothing_runs_and_with_the_same_robot(tmp_path: Path) -> None
     kernel, _ = start(one)
     assert kernel.why_not_take_over(other) == []
     robot = replace(other, robot=replace(other.robot, title="Another"))
-    assert kernel.why_not_take_over(robot)[0].startswith("the robot or its profile is another one")
+    assert kernel.why_not_take_over(robot)[0].startswith("the robot or its profile has changed")
     kernel.handle(task("startCommunicationRobotAct", "Say", 2.0))
     assert kernel.why_not_take_over(other) == ["an act runs or waits; wait until the robot has finished"]
     kernel.handle(task("stopAll", "", 3.0))
@@ -196,7 +196,7 @@ def test_a_value_of_the_memory_is_no_table_all_at_once(tmp_path: Path) -> None:
     (folder / "tables/words.csv").write_text("word\na\n")
     kernel.handle(task("assignValue", "words = 3", 2.0))
     assert kernel.why_not_take_over(study(folder)) == [
-        "`words` is a table now, and the memory has a value of that name"
+        "`words` is a table now, but the memory has a value of that name; delete the value first"
     ]
 
 

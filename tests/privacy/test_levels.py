@@ -267,8 +267,8 @@ def test_as_it_comes_a_value_is_hidden_from_then_on(tmp_path: Path) -> None:
     scenario = load(made.study).scenario
     assert scenario is not None
     private = PrivateValues(scenario)
-    note = NoteRecord(1, 0.0, "", "`Zoë` is no memory key; it was taken as a text", "engine")
-    assert private.hide(note).text == "`…` is no memory key; it was taken as a text"
+    note = NoteRecord(1, 0.0, "", "`Zoë` is not a memory key and was taken as a text", "engine")
+    assert private.hide(note).text == "`…` is not a memory key and was taken as a text"
     task = TaskRecord(2, 0.0, "", 1, "say", "Hi Zoë", "", "wizard:w", "ACTIVE")
     assert private.hide(task) is task
     memory = MemoryRecord(3, 0.0, "", "name", "Zoë", None, "wizard:w")
