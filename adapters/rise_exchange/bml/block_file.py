@@ -189,7 +189,7 @@ class _FormChecker:
         for child in element:
             if child.is_bml and child.tag not in (*words.children, "description"):
                 known = (*words.children, "description")
-                message = f"`<{child.tag}>` cannot stand in `<{element.tag}>`{did_you_mean(child.tag, known)}"
+                message = f"`<{child.tag}>` is not allowed in `<{element.tag}>`{did_you_mean(child.tag, known)}"
                 self.error(child.location, message)
             elif child.is_bml and child.tag in ("lexeme", "stance", "pose"):
                 part = PARTS[child.tag]
@@ -209,7 +209,7 @@ class _FormChecker:
             message = f"`<{element.tag}>` has no attribute `{name}`{near}"
             self.error(element.attribute_location(name), message)
         for name in element.foreign:
-            message = f"`{name}` is in a namespace of its own; nobody here knows what it means"
+            message = f"`{name}` is in a namespace of its own; its meaning is unknown here"
             self.findings.lose(element.attribute_location(name), message)
         for name in required:
             if name not in element.attributes:
@@ -219,7 +219,7 @@ class _FormChecker:
         for text in _texts(element):
             if text.strip(BLANKS):
                 shown = " ".join(text[:1000].split())[:60]
-                self.error(element.location, f"text cannot stand in `<{element.tag}>`: `{shown}`")
+                self.error(element.location, f"text is not allowed in `<{element.tag}>`: `{shown}`")
                 return
 
 

@@ -257,7 +257,7 @@ class ContentTranslator:
                 return None
             if not said.value.kinds & {"list", "refused"}:
                 return "failed"  # nothing to iterate over
-            message = "which list this is is not known before the chart runs; only one that never changes can be taken"
+            message = "this list is only known while the chart runs; only a list that never changes can be converted"
             self.report("list-arithmetic", node.array.location, message)
             return None
         found: list[Node] = []

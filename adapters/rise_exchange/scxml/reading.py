@@ -254,7 +254,7 @@ class _ChartReader(ContentReader):
         self.check_attributes(element, _ATTRIBUTES[tag])
         for child in element:
             if tag in _CHILDREN and not self.is_foreign(child) and child.tag not in _CHILDREN[tag]:
-                message = f"`<{child.tag}>` cannot stand in `<{tag}>`{did_you_mean(child.tag, _CHILDREN[tag])}"
+                message = f"`<{child.tag}>` is not allowed in `<{tag}>`{did_you_mean(child.tag, _CHILDREN[tag])}"
                 self.refuse("chart", child, message)
 
 

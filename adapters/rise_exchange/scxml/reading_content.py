@@ -157,7 +157,7 @@ class ContentReader:
                 self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; what it does is unknown")
                 continue
             if child.tag not in _ATTRIBUTES or child.tag in ("else", "elseif"):
-                self.refuse("chart", child, f"`<{child.tag}>` cannot stand in `<{parent.tag}>`")
+                self.refuse("chart", child, f"`<{child.tag}>` is not allowed in `<{parent.tag}>`")
                 continue
             self.check_attributes(child, _ATTRIBUTES[child.tag])
             nodes += self.read_node(child)
@@ -292,7 +292,7 @@ class ContentReader:
                 self.refuse("foreign-type", element, "the failure of a send to another session comes later", "target")
             return [FailNode("error.communication", ends_block=False)]  # other sessions are unreachable
         if target.startswith("#_"):
-            message = f"`{target}` is another session; a rule has none that it was started by, or has invoked"
+            message = f"`{target}` is another session; a rule was started by none and has invoked none"
             self.refuse("invoke", element, message, "target")
             return []
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", target):

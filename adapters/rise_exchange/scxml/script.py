@@ -197,7 +197,9 @@ class _ScriptParser:
     def refused(self) -> ChartRefusedError:
         _, word, index = self.tokens[self.at]
         shown = f"`{word}`" if word else "the end of this expression"
-        return ChartRefusedError("expression", f"{shown} cannot be said in a condition of ours, or not here", index)
+        return ChartRefusedError(
+            "expression", f"{shown} cannot be written in a condition of a rule, or not here", index
+        )
 
     def end(self) -> None:
         if not self.is_at_end():
@@ -299,7 +301,7 @@ class _ScriptParser:
             message = f"`{word}` is a system variable; rules have none"
             raise ChartRefusedError("system-variable", message, index)
         if word in ("function", "new", "this", "delete", "void", "class", "await", "yield", "super", "import"):
-            raise ChartRefusedError("expression", f"`{word}` cannot be said in a condition of ours", index)
+            raise ChartRefusedError("expression", f"`{word}` cannot be written in a condition of a rule", index)
         return Variable(word)
 
     def in_state(self, index: int) -> ScriptNode:

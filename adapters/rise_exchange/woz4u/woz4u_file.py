@@ -121,7 +121,7 @@ def _read_yaml(text: str, name: str) -> Any:
     except (YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f":{mark.line + 1}:{mark.column + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "values are nested too deeply, or one is none that there is"
+        problem = getattr(error, "problem", None) or "values are nested too deeply, or one is not valid"
         raise ExchangeError(f"{name}{where}: this is not YAML: {problem}") from None
 
 

@@ -181,7 +181,7 @@ def test_ssml_of_a_description_is_said() -> None:
         ('<gazeShift id="g" target="dooor"/>', "2:27", "bml-name", "`dooor` has no place here; did you mean `door`?"),
         ('<locomotion id="g" target="door"/>', "2:1", "bml-no-action", "no action moves the robot from its place"),
         ('<gezture id="g"/>', "2:1", "bml-no-action", "no behaviour of BML 1.0; did you mean `gesture`?"),
-        ('<x:torso xmlns:x="urn:x" id="t"/>', "2:1", "bml-no-action", "nobody here knows what it does"),
+        ('<x:torso xmlns:x="urn:x" id="t"/>', "2:1", "bml-no-action", "its meaning is unknown here"),
         ('<head id="g" lexeme="NOD" strat="2"/>', "2:27", "bml-form", "no attribute `strat`; did you mean `start`?"),
         ('<head id="g"/>', "2:1", "bml-form", "`<head>` needs the attribute `lexeme`"),
         ('<speech id="g"/>', "2:1", "bml-form", "nothing is said here"),

@@ -285,7 +285,7 @@ def check_network(environment: Environment, kind: selection.TransportKind | None
     if kind == "dds":
         if environment.get("ROS_DISCOVERY_SERVER"):
             yield DoctorFinding(
-                "warning", "network", "ROS_DISCOVERY_SERVER is set: what is found through it only, `dds` does not find"
+                "warning", "network", "ROS_DISCOVERY_SERVER is set: `dds` does not find programs that only it knows"
             )
         if environment.get("ROS_SECURITY_ENABLE", "").lower() == "true":
             yield DoctorFinding(

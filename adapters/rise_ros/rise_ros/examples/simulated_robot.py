@@ -221,7 +221,7 @@ def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
     findings = Diagnostics()
     if robot is None or (scenario is not None and find_profile(robot, folder) is not None):
         if scenario is None:
-            raise NodeError("which robot? say --robot NAME, or --config DIR for that of a scenario")
+            raise NodeError("which robot? use --robot NAME, or --config DIR for that of a scenario")
         loaded = load(scenario, robot=robot)
         if loaded.scenario is not None:
             return loaded.scenario.robot
