@@ -162,7 +162,7 @@ def test_a_changed_text_is_spoken_and_the_picks_stay(tmp_path: Path) -> None:
             RULES.replace('id="A"', 'id="Z"').replace('"A"', '"Z"'),
             "the rule `R` is in the state `A`, which no longer exists",
         ),
-        (RULES.replace("5s", "6s"), "the rule `R` counts `after 5s` in the state `A`, and this transition is another"),
+        (RULES.replace("5s", "6s"), "the rule `R` counts `after 5s` in the state `A`, but the files have changed this"),
         (RULES.replace('after="5s" target="B"', 'after="5s" target="C"'), "the rule `R` counts `after 5s`"),
         (RULES.replace('while="calm"', 'while="not calm"'), "the rule `R` counts `after 9s`"),
     ],

@@ -113,7 +113,7 @@ def test_what_people_typed_is_counted(made: Made) -> None:
     records = exported(made, "shared")
     notes = [(each["source"], each["text"]) for each in of_kind(records, "note")]
     assert ("wizard:W2", "[note, 3 words]") in notes and ("observer:O1", "[note, 2 words]") in notes
-    assert any(source == "engine" and "is no memory key" in text for source, text in notes)
+    assert any(source == "engine" and "is not a memory key" in text for source, text in notes)
     assert of_kind(records, "cue")[0]["text"] == "[free text, 2 words]"
     assert [(each["reason"], each["value"]) for each in of_kind(records, "check")] == [
         ("[free text, 3 words]", ""),
