@@ -124,7 +124,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
         if near and token.value != "with":
             hint = f"did you mean `{near}`?"
-            return ExpressionError(f"`{shown}` is no operator", text, column, hint, Correction(shown, near))
+            return ExpressionError(f"`{shown}` is not an operator", text, column, hint, Correction(shown, near))
     if token.kind == "(" and before.kind in ("number", ")"):
         return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
     two_words = before.kind == "word" and token.kind == "word"
@@ -134,7 +134,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
 
 def _wrong_operator(text: str, start: int, written: str, meant: str) -> ExpressionError:
     return ExpressionError(
-        f"`{written}` is no operator", text, start + 1, f"write `{meant}`", Correction(written, meant)
+        f"`{written}` is not an operator", text, start + 1, f"write `{meant}`", Correction(written, meant)
     )
 
 

@@ -334,9 +334,9 @@ class _StudyReader:
         table = self.table.section("wizards")
         wizards: dict[str, str] = {}
         for name in table.values:
-            alias = table.read(name, str, "", form=f': what exports call them: {name} = "W1"')
+            alias = table.read(name, str, "", form=f': their code in exports: {name} = "W1"')
             if isinstance(table.values[name], str) and not _ID.match(alias):
-                table.report_value("bad-name", name, f"what exports call `{name}` has letters and digits: W1")
+                table.report_value("bad-name", name, f"the code of `{name}` in exports has letters and digits: W1")
             elif alias and (other := next((each for each in wizards if wizards[each] == alias), None)) is not None:
                 table.report_value("duplicate-name", name, f"`{other}` is called `{alias}` already")
             wizards[name] = alias

@@ -246,7 +246,7 @@ class Confirmations:
         """Close the question about the release when it is not so any more: the robot has answered, something has begun
         or ended there, or somebody else has stopped everything or released it."""
         if self._release_facts() != self._release_shown:
-            self._withdraw("-release", "what is stopped or held has just changed: the question about it was closed")
+            self._withdraw("-release", "the stop or a held part has just changed: the question about it was closed")
 
     def _release_facts(self) -> tuple[int, object]:
         """What the question about the release says: the number of the stop, and what is known of the robot."""

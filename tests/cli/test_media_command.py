@@ -75,7 +75,7 @@ def test_a_recording_is_registered_by_its_marks(tmp_path: Path, sound: Path) -> 
     )
     removed = run("remove", folder, "mic")
     assert (
-        removed.exit_code == 0 and "no recording of session any more; the file itself was not touched" in removed.output
+        removed.exit_code == 0 and "no longer a recording of session; the file itself was not touched" in removed.output
     )
     assert read_media(folder) == () and (tmp_path / "away.wav").exists()
     assert "has no recordings: rise-engine media add" in run("list", folder).output
@@ -128,8 +128,8 @@ def test_where_somebody_says_that_it_lies(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--at", "soon"], "--at soon: 'soon' is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN"),
-        (["--at", "nan=1"], "--at nan=1: 'nan' is no time"),
+        (["--at", "soon"], "--at soon: 'soon' is not a time: write seconds (75.2), a clock (1:15.2), or FILE=markN"),
+        (["--at", "nan=1"], "--at nan=1: 'nan' is not a time"),
         (["--at", "3=mark7"], "--at 3=mark7: the session has no mark 7; its marks are 1, 2"),
         (["--at", "3", "--find-marks"], "use either --find-marks or --at"),
     ],

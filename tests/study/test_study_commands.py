@@ -193,7 +193,7 @@ def test_it_never_writes_into_a_folder_with_something_in_it(tmp_path: Path) -> N
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "mine").write_text("x")
     (tmp_path / "file").write_text("x")
-    for name, sentence in (("s", "is not empty; name a new folder"), ("file", "is no folder")):
+    for name, sentence in (("s", "is not empty; name a new folder"), ("file", "is not a folder")):
         result = study("new", str(tmp_path / name), "--yes")
         assert (result.exit_code, sentence in result.output) == (1, True)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "mine", "s"]

@@ -119,7 +119,7 @@ def read_block(source: SourceFile, findings: ConversionFindings) -> BmlElement |
         findings.lose(root.location, f'this block is not in the namespace of BML 1.0 ("{NAMESPACE}"); it is read as if')
     if not root.is_bml or root.tag != "bml":
         near = did_you_mean(root.tag, ["bml"])
-        message = f"`<{file.root.tag}>` is no block of BML 1.0{near}; the outermost element is <bml>"
+        message = f"`<{file.root.tag}>` is not a block of BML 1.0{near}; the outermost element is <bml>"
         findings.diagnostics.error(FORM, root.location, message)
         return None
     _FormChecker(findings, draft=root.namespace in DRAFT_NAMESPACES).check_block(root)
@@ -161,7 +161,7 @@ class _FormChecker:
             self.findings.diagnostics.error(
                 NO_ACTION,
                 element.location,
-                f"`<{element.tag}>` is no behaviour of BML 1.0{did_you_mean(element.tag, BEHAVIORS)}",
+                f"`<{element.tag}>` is not a behaviour of BML 1.0{did_you_mean(element.tag, BEHAVIORS)}",
             )
         else:
             required = words.required if self.draft else ("id", *words.required)

@@ -142,7 +142,7 @@ class CallReader:
             )
             self._findings.lose(element.location, f"`<{element.tag}>` goes back after it; here {after}")
         elif element.tag == "headDirectionShift":
-            self._findings.lose(element.location, "only the head is to turn; here the eyes look, too")
+            self._findings.lose(element.location, "only the head should turn; here the eyes look, too")
         mode = element.get("mode")
         hand = next((hand for hand, each in MODES.items() if each == mode), None)
         if hand is not None:
@@ -175,7 +175,7 @@ class CallReader:
         if written is not None:
             seconds = read_seconds(written)
             if seconds is None:
-                message = f"`{written}` is no number of seconds"
+                message = f"`{written}` is not a number of seconds"
                 self._findings.diagnostics.error(FORM, element.value_location("duration"), message)
             elif length is not None and length != seconds:
                 message = f"by `duration` it waits {seconds} s, by `end` {length} s"

@@ -154,7 +154,7 @@ class ContentReader:
             if self.is_foreign(child):
                 if child.tag.endswith(":editorinfo"):
                     continue  # Qt Creator's own layout of the state
-                self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; what it does is unknown")
+                self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; its effect is unknown")
                 continue
             if child.tag not in _ATTRIBUTES or child.tag in ("else", "elseif"):
                 self.refuse("chart", child, f"`<{child.tag}>` is not allowed in `<{parent.tag}>`")
@@ -215,7 +215,7 @@ class ContentReader:
                 branches[-1][1].extend(self.read_content(pending))
                 pending.clear()
                 if has_else:
-                    self.refuse("chart", child, f"`<{child.tag}/>` is behind `<else/>`")
+                    self.refuse("chart", child, f"`<{child.tag}/>` is after `<else/>`")
                 has_else = has_else or child.tag == "else"
                 branches.append((None if child.tag == "else" else self.read_cond(child), []))
             else:
@@ -248,7 +248,7 @@ class ContentReader:
         if "expr" in element.attributes:
             script = self.read_expression(element, "expr")
             if script.root is None:
-                self.refuse("expression", element, "what is to be logged is no expression", "expr")
+                self.refuse("expression", element, "the value to log is not an expression", "expr")
         self.notes.append(f"line {line}: `<log>` is left out; the record of a session has every state and every value")
 
     # --- sending ---

@@ -287,7 +287,7 @@ class _RuleMaker:
         """Report conditions that are not expressions. They are false, and raise an event that rules cannot see."""
         for way in self.ways:
             if way.condition is not None and way.condition.root is None and self.awaits_errors:
-                message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"
+                message = f"`{way.condition.text.strip()}` is not an expression: it is false, and raises `{ERROR}`"
                 location = way.condition.location
                 self.report("condition-error", location, f"{message}, which conditions of rules never do")
 

@@ -228,7 +228,7 @@ class _ScriptParser:
             return self.unary()
         left = self.expression(level + 1)
         if self.tokens[self.at][:2] == (_WORD, "in") and self.tokens[self.at + 1][1].startswith("_"):
-            raise ChartRefusedError("system-variable", "what a system variable has in it is not known here")
+            raise ChartRefusedError("system-variable", "the contents of a system variable are not known here")
         while operator := self.sign(*_LEVELS[level]):
             left = Operation(operator, (left, self.expression(level + 1)))
         return left

@@ -204,7 +204,7 @@ class _Translator:
             case "/":
                 divisor = operands[1]
                 if not isinstance(divisor, Constant) or divisor.value in (0, None):
-                    raise _refused("what is divided by must be a number that is written out, and not 0")
+                    raise _refused("a divisor must be a literal number, and not 0")
         said = [self.number(operand, operator) for operand in operands]
         if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)

@@ -72,7 +72,7 @@ def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
     values = _read_yaml(text, name)
     if not isinstance(values, dict) or not {*SECTIONS, *EYE_MOVEMENTS} & values.keys():
         listed = ", ".join(SECTIONS)
-        raise ExchangeError(f"{name} is no configuration of WoZ4U: it has none of the lists {listed}")
+        raise ExchangeError(f"{name} is not a configuration of WoZ4U: it has none of the lists {listed}")
     reader = _ConfigurationReader(name, diagnostics)
     items = [item for section in SECTIONS for item in reader.items(section, values)]
     items += reader.eye_movements(values)

@@ -192,7 +192,7 @@ def remove(session: Path, file: str) -> None:
     Exit status: 0; 1 if there is no such file; 2 if the session cannot be read.
     """
     remove_coded(session, Path(file).name)
-    print_lines(f"{Path(file).name} is no annotation file of {session.name} any more")
+    print_lines(f"{Path(file).name} is no longer an annotation file of {session.name}")
 
 
 def _lines(folder: Path, file: CodedFile) -> list[str]:
@@ -277,5 +277,5 @@ def _parse_seconds(part: str, text: str) -> float:
     except ValueError:
         seconds = float("nan")
     if not abs(seconds) < 1e7:
-        exit_with_usage(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
+        exit_with_usage(f"--at {text}: {part!r} is not a time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
     return seconds

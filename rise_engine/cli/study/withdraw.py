@@ -45,7 +45,7 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     """
     study = Path(folder)
     if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
-        exit_with_usage(f"{folder} is no study: it has no {STUDY_FILE}")
+        exit_with_usage(f"{folder} is not a study: it has no {STUDY_FILE}")
     plan = plan_withdrawal(study, participant)
     keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
     print_lines(*_plan_lines(plan, reassignments(read_log(study))))

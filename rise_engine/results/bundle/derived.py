@@ -279,13 +279,13 @@ def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -
         found.open.append(f"{STUDY_FILE}: no session says with which one it was run")
     elif not same and planned is not None and planned.get("design_hash") == study.design_hash:
         found.open.append(
-            f"{STUDY_FILE}: no session was run with it; what the plan fixes is as {LOG_FILE} says, and the rest "
+            f"{STUDY_FILE}: no session was run with it; the parts that the plan fixes match {LOG_FILE}, but the rest "
             "(title, checks, robot, recording, ...) was changed after the last session, or in the bundle"
         )
     elif not same:
         found.problems.append(
-            f"{STUDY_FILE}: no session was run with it: they say {told[-1].labels['study_hash'][:16]}..., and it is "
-            f"{study.hash[:16]}...; it was changed after the last session, or in the bundle"
+            f"{STUDY_FILE}: no session was run with it: their hash is {told[-1].labels['study_hash'][:16]}..., and "
+            f"its hash is {study.hash[:16]}...; it was changed after the last session, or in the bundle"
         )
     else:
         found.proved.append(

@@ -241,9 +241,10 @@ class _Dataset:
         sessions = sum(len(person.rows) for person in self._people.values())
         what = {
             "full": "Everything is included as it was recorded, also notes and times of day.",
-            "shared": "There are no dates, no notes and no names of wizards; what is private is shown as its name.",
-            "public": "There are no dates, no notes, no names of wizards, and no words that wizards said freely; what "
-            "is private is shown as its name.",
+            "shared": "There are no dates, no notes and no names of wizards; private values are shown as the names of "
+            "their keys.",
+            "public": "There are no dates, no notes, no names of wizards, and no words that wizards said freely; "
+            "private values are shown as the names of their keys.",
         }[self._context.level]
         study = self._context.study
         lines = [

@@ -164,9 +164,7 @@ def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignme
         found = FoundMark(mark.number, mark.at, round(sound.at, 6), round(sound.strength, 1))
         return Alignment(sound.at - mark.at, 1.0, (found,), mark.within, tuple(remarks))
     if not possible:
-        return Alignment(
-            problem=f"what was found at {_times(heard)} does not match the sweep of any mark of this session"
-        )
+        return Alignment(problem=f"the sound at {_times(heard)} does not match the sweep of any mark of this session")
     if len(heard) == 1:
         numbers = " or ".join(str(mark.number) for mark, _ in possible)
         return Alignment(problem=f"the mark at {_times(heard)} can be mark {numbers}: use --at FILE=markN")

@@ -70,7 +70,7 @@ def test_one_mark_gives_the_offset_only() -> None:
     other = align_by_marks(TWO[:1], heard((2, 5.0)))
     assert (
         other.offset is None
-        and other.problem == "what was found at 5.0 s does not match the sweep of any mark of this session"
+        and other.problem == "the sound at 5.0 s does not match the sweep of any mark of this session"
     )
     either = align_by_marks([*TWO, SessionMark(3, 1900.0)], heard((1, 5.0)))
     assert either.problem == "the mark at 5.0 s can be mark 1 or 3: use --at FILE=markN"

@@ -279,7 +279,7 @@ def main() -> None:
         "--busy",
         choices=("wait", "reject"),
         default="wait",
-        help="what becomes of a goal that comes while another of its action runs (default: %(default)s)",
+        help="what happens to a goal that arrives while another one of its action runs (default: %(default)s)",
     )
     parser.add_argument("--log", type=Path, metavar="FILE", help="write what it really does there, as JSON lines")
     run_node(parser, work, prepare=_find_profile)
