@@ -217,7 +217,7 @@ def read_constraint(
     for relation in element:
         syncs = [each for each in relation if each.is_bml and each.get("ref") is not None]
         if relation.tag == "before":
-            message = "an act cannot see to it that something happens before: it only waits for what has ended"
+            message = "an act cannot make something happen before: it only waits for what has ended"
             refuse(relation.location, message)
         elif relation.tag == "after" and relation.get("ref") is not None:
             for sync in syncs:

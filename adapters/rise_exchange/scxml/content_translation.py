@@ -210,7 +210,7 @@ class ContentTranslator:
             self.report("expression", node.location, f"`{name}` is a part of a value; only whole variables can be set")
             return (), known
         if not node.declares and is_there is not None and "undeclared" in is_there.kinds:
-            self.report("expression", node.location, f"`{name}` may be declared by then or not; give it a `<data>`")
+            self.report("expression", node.location, f"`{name}` may not be declared by then; declare it with `<data>`")
             return (), {**known, name: REFUSED}
         constant = known_constant(node.value.root, known)
         if constant is not None and constant.kinds == {"list"}:

@@ -337,7 +337,7 @@ class _RuleMaker:
                 return
             state = way[0].target
         location = passed[0].transitions[0].location
-        self.report("endless", location, "from here, transitions without event or condition lead round without end")
+        self.report("endless", location, "from here, transitions without event or condition lead in an endless circle")
 
     def stop_helpers(self, known: Knowledge) -> Lines:
         """Cancel pending sends when the chart ends (6.2.4)."""

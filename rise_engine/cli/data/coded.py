@@ -117,7 +117,7 @@ def add(
         added=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
     was_there = add_coded(session, entry, data)
-    lines = [*_lines(session, entry), *["it takes the place of the one that was there"] * was_there]
+    lines = [*_lines(session, entry), *["it replaces the earlier one"] * was_there]
     show(lines, {**_values(session, entry), "problems": document.problems}, as_json=as_json)
     print_notes(*(f"warning: {problem}" for problem in document.problems))
     return PARTIAL if document.problems else OK

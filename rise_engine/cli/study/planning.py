@@ -128,7 +128,7 @@ def _print_proof(path: Path) -> bool:
         print_lines(*proof_lines(session))
     proved = sum(each.proved for each in found)
     print_lines(
-        f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
+        f"{proved} of {pluralize(len(found), 'session')} proved: the record follows from its inputs, and "
         f"{agreement_text(compared_files(state), found)}",
         *(f"not proved: {each}" for each in NOT_PROVED),
     )
@@ -237,8 +237,8 @@ NOT_PROVED = (
     "that participants.csv, questionnaires, coded.json (annotations) and media.json (recordings) hold what people "
     "gave: nothing else records it",
     "that study.jsonl has everything that people decided after a session: no session has a copy of it",
-    "that times of day are right: only when sessions began and how long outages lasted were compared, where there are "
-    "dates",
+    "that times of day are right: only the starts of sessions and the lengths of outages were compared, where there "
+    "are dates",
 )
 """What replays and comparisons leave open, also when nothing differs. The second: a line removed from the log."""
 

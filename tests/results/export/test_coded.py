@@ -102,7 +102,7 @@ def test_tiers_by_name_list_and_remove(folder: Path, tmp_path: Path) -> None:
     assert "did you mean `gaze`?" in run("coded", "add", folder, out, "--tier", "gase", status=2)
     assert "not among the tiers" in run("coded", "add", folder, out, "--tier", "gaze", "--speech", SPEECH, status=2)
     run("coded", "add", folder, out)
-    assert "takes the place" in run("coded", "add", folder, out, "--tier", "gaze", "--annotator", "ben")
+    assert "replaces the earlier" in run("coded", "add", folder, out, "--tier", "gaze", "--annotator", "ben")
     assert {each.annotator for each in read_session(folder).coded} == {"ben"}
     assert json.loads(run("coded", "list", folder, "--json"))["files"][0]["annotations"] == {"gaze": 5}
     run("coded", "remove", folder, out.name)

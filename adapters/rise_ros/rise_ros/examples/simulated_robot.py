@@ -270,7 +270,7 @@ def _parse_speed(text: str) -> float:
 
 
 def main() -> None:
-    parser = node_parser("simulated_robot", "A robot that is not there, on the wire.")
+    parser = node_parser("simulated_robot", "A simulated robot on ROS 2.")
     parser.add_argument("--robot", metavar="NAME|FILE", help="which robot: a profile's name, or a profile")
     parser.add_argument("--config", type=Path, metavar="DIR", help="a scenario: its robot, and its own actions")
     parser.add_argument("--speed", type=_parse_speed, default=1.0, metavar="N", help="how many times faster than real")
