@@ -43,15 +43,17 @@ def parse_replacement(text: str) -> Replacement:
     word, mark, name = text.rpartition("=")
     word, name = unicodedata.normalize("NFC", " ".join(word.split())), name.strip()
     if not mark:
-        raise WordError(f"{text!r} does not say what is to stand there instead; write --replace Maria=NAME1")
+        raise WordError(f"{text!r} has no replacement; write --replace Maria=NAME1")
     if len(word) < LEAST_CHARACTERS:
         what = "there is no word before the `=`" if not word else f"{word!r} has one character only"
-        raise WordError(f"{what}; a word that is replaced has at least {LEAST_CHARACTERS}, else it would be everywhere")
+        raise WordError(
+            f"{what}; a replaced word needs at least {LEAST_CHARACTERS}, because a shorter one is everywhere"
+        )
     if not any(character.isalnum() for character in word):
         raise WordError(f"{word!r} has no letter and no digit, so it cannot be anybody's name")
     if not _REPLACEMENT.fullmatch(name):
         raise WordError(
-            f"{name!r} cannot stand instead: letters without accents, digits and `_` only, 40 at most, such as NAME1"
+            f"{name!r} cannot be a replacement: use letters without accents, digits and `_`, 40 at most, such as NAME1"
         )
     return Replacement(word, name)
 
@@ -68,7 +70,7 @@ class Words:
         """
         self.replacements = tuple(dict.fromkeys(replacements))
         if not self.replacements:
-            raise WordError("say which words are to go: --replace Maria=NAME1")
+            raise WordError("name the words to replace: --replace Maria=NAME1")
         ordered = sorted(self.replacements, key=lambda each: -len(each.word))  # `Anna Berg` before `Anna`
         patterns = [word_pattern(each.word, match_case=match_case) for each in ordered]
         before, after = (_BEFORE, _AFTER) if whole_words else ("", f"[{_MARKS}]*")
@@ -86,7 +88,7 @@ class Words:
                 raise WordError(f"{each.word!r} cannot become both {known!r} and {each.name!r}")
             if found := self._longer.search(each.name):
                 raise WordError(
-                    f"{each.name!r} holds a word that is to go ({found.group()!r}), so it would be there again; "
+                    f"{each.name!r} contains a word to replace ({found.group()!r}), so it would be there again; "
                     "choose another name"
                 )
 
@@ -130,7 +132,7 @@ class Words:
             return text
         replaced = self._pattern.sub(self._name_of, text)
         if self._pattern.search(replaced) is not None:
-            raise WordError("what is left of a text beside a new name makes up one of the words; choose another name")
+            raise WordError("a new name and the text around it make up one of the words; choose another name")
         return replaced
 
     def replace_in(self, value: Any) -> Any:

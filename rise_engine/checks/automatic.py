@@ -193,7 +193,7 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Fin
         )
     if loaded.scenario.hash != known:
         changed = f"the scenario `{name}`, or the robot that it runs on, was changed since the plan of {made}"
-        meant = "put it back as it was, or say that it is meant (rise-engine study plan --again REASON)"
+        meant = "put it back as it was, or confirm the change (rise-engine study plan --again REASON)"
         return Finding(False, reason=f"{changed}; {meant}")
     return Finding(True, f"`{name}` is as it was on {made}")
 

@@ -280,10 +280,10 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial
 
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
     """Return its status at the beginning and after TEST_SECONDS."""
-    first = last = await call_within(CALL_SECONDS, recorder.status(), "its state")
+    first = last = await call_within(CALL_SECONDS, recorder.status(), "for its state")
     for _ in range(round(TEST_SECONDS / LOOK_SECONDS)):
         await asyncio.sleep(LOOK_SECONDS)
-        last = await call_within(CALL_SECONDS, recorder.status(), "its state")
+        last = await call_within(CALL_SECONDS, recorder.status(), "for its state")
         if not last.recording:
             raise RecorderError("it does not record any more")
     return first, last

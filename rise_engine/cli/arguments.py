@@ -197,12 +197,10 @@ def apply_task_file(
     :param of_study: whether it is a session of a study, whose plan sets seed and condition.
     """
     if file.faults and mode == "real":
-        exit_with_usage(
-            f"--tasks {path}: it has faults, and only a simulated robot does wrong on request: add --mode debug"
-        )
+        exit_with_usage(f"--tasks {path}: it has faults, which only a simulated robot can have: add --mode debug")
     if of_study and (file.seed is not None or file.condition):
         what = "seed" if file.seed is not None else "condition"
-        exit_with_usage(f"--tasks {path}: it has a {what}, and with --study the plan says it")
+        exit_with_usage(f"--tasks {path}: it has a {what}, but with --study the plan sets it")
     return replace(
         options,
         faults=(*options.faults, *file.faults),

@@ -29,7 +29,7 @@ def resolve_scenario(folder: str) -> str:
     if path.is_dir() or (path.is_file() and path.name == SCENARIO_FILE):
         return folder
     if path.exists():
-        exit_with_usage(f"{folder} is no scenario: give a folder, or the path of its {SCENARIO_FILE}")
+        exit_with_usage(f"{folder} is not a scenario: give a folder, or the path of its {SCENARIO_FILE}")
     return exit_with_usage(f"there is no folder {folder}{shipped_hint()}")
 
 

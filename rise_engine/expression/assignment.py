@@ -226,14 +226,14 @@ def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]
     compound = _COMPOUND.match(text, end)
     if compound:
         hint = f"write `{written} = {written} {compound[1]} ...`"
-        raise ExpressionError(f"`{compound[1]}=` is no operator", text, compound.start(1) + 1, hint)
+        raise ExpressionError(f"`{compound[1]}=` is not an operator", text, compound.start(1) + 1, hint)
     at = match_end(_BLANKS, text, end)
     if at == len(text):
         raise ExpressionError("the `=` is missing", text, at + 1, f"write `{written} = value`")
     if text.startswith("==", at):
         raise ExpressionError("`==` compares; it does not assign", text, at + 1, "write a single `=`")
     if text.startswith(":=", at):
-        raise ExpressionError("`:=` is no operator", text, at + 1, "write a single `=`", Correction(":=", "="))
+        raise ExpressionError("`:=` is not an operator", text, at + 1, "write a single `=`", Correction(":=", "="))
     if text[at] == "=":
         return key, target, at + 1
     if at == end and target is None:
@@ -278,4 +278,4 @@ def _read_json(text: str, start: int) -> Json:
         return decode(text[start:])
     except JsonError as error:
         message, _, hint = str(error).partition("; ")
-        raise ExpressionError(f"this is no valid JSON: {message}", text, start + error.offset + 1, hint) from None
+        raise ExpressionError(f"this is not valid JSON: {message}", text, start + error.offset + 1, hint) from None

@@ -124,7 +124,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
         if near and token.value != "with":
             hint = f"did you mean `{near}`?"
-            return ExpressionError(f"`{shown}` is no operator", text, column, hint, Correction(shown, near))
+            return ExpressionError(f"`{shown}` is not an operator", text, column, hint, Correction(shown, near))
     if token.kind == "(" and before.kind in ("number", ")"):
         return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
     two_words = before.kind == "word" and token.kind == "word"
@@ -134,7 +134,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
 
 def _wrong_operator(text: str, start: int, written: str, meant: str) -> ExpressionError:
     return ExpressionError(
-        f"`{written}` is no operator", text, start + 1, f"write `{meant}`", Correction(written, meant)
+        f"`{written}` is not an operator", text, start + 1, f"write `{meant}`", Correction(written, meant)
     )
 
 
@@ -146,7 +146,7 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
         return wrong_case_error(text, token)
     if name.lower() in _TEXT_OPERATORS:
         operator = _TEXT_OPERATORS[name.lower()]
-        hint = f'`{operator}` stands between two values: `key {operator} "text"`'
+        hint = f'`{operator}` belongs between two values: `key {operator} "text"`'
     else:
         known = ARITY | SITUATION_ARITY if of_property else ARITY
         near = nearest_name(name, known)
@@ -158,7 +158,7 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
 
 def situation_unknown_error(text: str, token: Token) -> ExpressionError:
     """`in('Main', 'Start')` outside a property of a study."""
-    hint = "only what [always], [reachable] and [eventually] in scenario.toml say can ask for the situation"
+    hint = "only [always], [reachable] and [eventually] in scenario.toml can ask for the situation"
     return ExpressionError(f"`{token.value}` cannot be asked here", text, token.start + 1, hint)
 
 

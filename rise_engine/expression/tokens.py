@@ -239,7 +239,7 @@ def _bad_character(text: str, character: str, start: int) -> ExpressionError:
     if entity:
         return ExpressionError(f"`{entity[0]}` is escaped twice", text, column, "escape it once in the XML file")
     if text.startswith("=!", start):
-        return ExpressionError("`=!` is no operator", text, column, "write `!=` for different")
+        return ExpressionError("`=!` is not an operator", text, column, "write `!=` for different")
     if combining(character) and start > 0:
         whole = normalize("NFC", text[start - 1 : start + 1])
         hint = f"type it again as one character: `{whole}`" if len(whole) == 1 else "keys have letters without it"

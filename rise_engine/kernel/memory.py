@@ -30,7 +30,7 @@ class WorkingMemory:
         """Why a key may not be set or deleted; empty: it may."""
         head = key.partition(".")[0]
         if self._core.scenario.reads_session and head == SESSION:
-            return f"`{SESSION}` says how the session stands; it is the engine's, and cannot be set"
+            return f"`{SESSION}` has the engine's values about the session, and cannot be set"
         return f"`{head}` is a table of the scenario, which nothing changes" if head in self._core.tables else ""
 
     def is_key(self, word: str) -> bool:

@@ -137,8 +137,8 @@ MAX_VAIN_SEARCHES = 100
 """The number of failed searches in one macrostep before the macrostep counts as endless."""
 
 MULTIPLIED = (
-    f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to "
-    "them; probably it answers each event with several, and so do others before it"
+    f"one input caused more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule kept adding to them; probably "
+    "it answers each event with several events, and so do rules before it"
 )
 
 

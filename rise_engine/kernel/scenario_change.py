@@ -31,7 +31,7 @@ def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, 
     """
     problems = []
     if before.mode != after.mode or before.robot != after.robot:
-        problems.append("the robot or its profile is another one; a session keeps the robot that it was begun with")
+        problems.append("the robot or its profile has changed; a session keeps its robot")
     if snapshot.acts or snapshot.waiting:
         problems.append("an act runs or waits; wait until the robot has finished")
     if snapshot.stop != "released":
@@ -41,7 +41,7 @@ def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, 
     if snapshot.failures.asked:
         problems.append("an act has failed, and the wizard is asked about it; answer first")
     for key in sorted(after.tables.keys() & snapshot.memory.keys()):
-        problems.append(f"`{key}` is a table now, and the memory has a value of that name")
+        problems.append(f"`{key}` is a table now, but the memory has a value of that name; delete the value first")
     for rule in snapshot.rules.running:
         problems += _rule_problems(before.rules[rule.name], after.rules.get(rule.name), rule)
     return problems
@@ -56,7 +56,7 @@ def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> 
         yield f"the rule `{before.name}` is in the state `{standing.state}`, which no longer exists"
         return
     if not state.transitions and before.states[standing.state].transitions:
-        yield f"the rule `{before.name}` is in the state `{standing.state}`, where it would end now"
+        yield f"the rule `{before.name}` is in the state `{standing.state}`, in which it would now end"
     numbers = _new_numbers(before.states[standing.state], state)
     for index in standing.timers.values():
         if numbers.get(index) is None:
@@ -64,7 +64,7 @@ def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> 
             time = transition.after.text if transition.after is not None else ""
             yield (
                 f"the rule `{before.name}` counts `after {time}` in the state `{standing.state}`, "
-                "and this transition is another one now"
+                "but the files have changed this transition"
             )
 
 

@@ -257,7 +257,7 @@ class TaskHandlers:
             word = assignment.bare_word
             if word is not None and not memory.is_key(word):
                 self._core.record_note(
-                    f"`{word}` is no memory key; it was taken as a text. Quotation marks make that plain"
+                    f"`{word}` is not a memory key and was taken as a text; put it in quotation marks"
                 )
         memory.assign(written, task.source)
 

@@ -32,7 +32,7 @@ def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
         return None, str(error)
     seconds = seconds_from(value, delay.unit)
     if seconds is None:
-        return None, f"`{delay.text}` is {describe(value)}, which is no time"
+        return None, f"`{delay.text}` is {describe(value)}, which is not a time"
     if seconds > MAX_SECONDS:
         return None, f"`{delay.text}` is {describe(value)}, which is longer than 24 hours"
     return round(max(seconds, MIN_SECONDS), 6), ""

@@ -230,7 +230,7 @@ class _Redaction:
             sentence += (
                 f". They are also part of longer words ({', '.join(longer[:8])}): --whole-words leaves those unchanged"
             )
-        return SessionError(sentence + ". What must not be kept and cannot be redacted has to be deleted")
+        return SessionError(sentence + ". If the words must not be kept, delete the session's folder")
 
     def _prove_replay(self, info: SessionInfo) -> None:
         """Raise SessionError unless the new file replays identically."""

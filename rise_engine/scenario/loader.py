@@ -335,7 +335,7 @@ class ScenarioLoader:
         if language and language not in known:
             near = did_you_mean(language, known, limit=0)
             has = f"; it is in {in_backquotes(known)}" if known and not near else near
-            remedy = "" if known else '; say in scenario.toml in which it is: language = "en"'
+            remedy = "" if known else '; write its language in scenario.toml: language = "en"'
             message = f"this study is not in the language `{language}`{has}{remedy}"
             self.diagnostics.error("unknown-language", self.caller, message)
         return reader

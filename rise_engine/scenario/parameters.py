@@ -98,7 +98,7 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
             case "name":
                 return _convert_to_name(parameter, value, origin)
     except (OverflowError, RecursionError):  # endlessly nested lists, as a text
-        raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
+        raise ParameterError(f"a value of this size cannot be used for {parameter.name}{origin}") from None
 
 
 def is_bare_key(parameter: Parameter, text: str) -> bool:
@@ -138,7 +138,9 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
             else:
                 result[name] = convert_parameter(parameter, template.fill_value(memory), _describe_origin(template))
         except (OverflowError, RecursionError):
-            raise ParameterError(f"{name} cannot be made of a value of this size{_describe_origin(template)}") from None
+            raise ParameterError(
+                f"a value of this size cannot be used for {name}{_describe_origin(template)}"
+            ) from None
     return result
 
 
@@ -167,7 +169,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
         known = [*listed_names(parameter), *map(str, parameter.codes.values())]
     if not any(_could_spell(template, name) for name in known):
         what = "true or false" if parameter.type == "boolean" else "a name"
-        raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be one that there is")
+        raise ParameterError(f"{parameter.name} is {what}; `{template.text}` can never be a valid one")
 
 
 def _could_spell(template: Template, name: str) -> bool:

@@ -42,7 +42,7 @@ _PROGRESS_LINES = 1_000
 """Lines between two checks of the clock."""
 PROGRESS_SECONDS = 0.5
 """Seconds between two sentences."""
-_OUT_OF_PLACE = "its number was there before: it stands here a second time, or in the wrong place"
+_OUT_OF_PLACE = "its number was there before: it is here a second time, or in the wrong place"
 
 
 class ReadingProgress:
@@ -81,7 +81,7 @@ class NumberGap(Struct, frozen=True):
             case (line,):
                 return f"line {line} is damaged, and it was {numbers}"
             case lines:
-                return f"lines {lines[0]} to {lines[-1]} are damaged, and {numbers} stood there"
+                return f"lines {lines[0]} to {lines[-1]} are damaged, and {numbers} were there"
 
 
 class JournalContents(Struct):

@@ -157,7 +157,7 @@ def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
     """
     if found := list(differences):
         raise RelabelledError(
-            f"{folder.name} was given another label: {'; '.join(found)}. The journal is what happened. Put the other "
+            f"{folder.name} was given another label: {'; '.join(found)}. The journal counts. Put the other "
             "file back as it was, or take both from your backup"
         )
 
@@ -188,7 +188,7 @@ def pseudonym_problem(participant: str) -> str:
     if not participant or _PSEUDONYM.fullmatch(participant):
         return ""
     return (
-        f"{participant!r} is not a pseudonym: letters without accents and digits only, such as P07. What is recorded, "
-        "the folder's name and every export carry it, so in real mode it must not be anybody's name; keep the list of "
-        "names elsewhere"
+        f"{participant!r} is not a pseudonym: letters without accents and digits only, such as P07. The record, "
+        "the folder's name and every export contain it, so in real mode it must not be anybody's name; keep the list "
+        "of names elsewhere"
     )

@@ -273,6 +273,6 @@ def _acquire(journal: Path) -> tuple[int, bool]:
 
 def _elsewhere_message(folder: Path, before: LockHolder) -> str:
     return (
-        f"{before} had the session {folder.name} and did not end it, and on this file system it cannot be seen "
-        "from here whether it still runs there. Look there; if it does not, add --here to continue it on this computer"
+        f"{before} had the session {folder.name} and did not end it, and this file system does not show "
+        "whether it still runs there. Look there; if it does not run, add --here to continue it on this computer"
     )

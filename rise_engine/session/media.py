@@ -37,7 +37,7 @@ def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
     except OSError as problem:
         raise SessionError(f"{path} cannot be read: {problem.strerror or problem}") from None
     except (msgspec.DecodeError, UnicodeError) as problem:
-        raise SessionError(f"{path} is not what was written there: {problem}. Correct it, or move it away") from None
+        raise SessionError(f"{path} has an error: {problem}. Correct it, or move it away") from None
 
 
 def list_bytes(items: Sequence[object]) -> bytes:

@@ -135,7 +135,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
 def _nothing_to_recover(folder: Path, contents: JournalContents) -> SessionError:
     last = contents.last_record
     when = f"at {last.wall}" if last is not None and last.wall else f"after {contents.seconds:.1f} s"
-    return SessionError(f"the session {folder.name} ended in order {when}: there is nothing to recover")
+    return SessionError(f"the session {folder.name} ended properly {when}: there is nothing to recover")
 
 
 def _repair_journal(

@@ -32,7 +32,7 @@ NO_RECORD = "(no record)"
 
 
 CANNOT_REPLAY = (
-    "What happened from there on cannot be worked out again, so the session cannot be recovered or replayed. "
+    "The rest of the session cannot be computed from there, so it cannot be recovered or replayed. "
     "Everything that can be read, before and after, can be exported (rise-engine export)"
 )
 
@@ -114,7 +114,7 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
         pass
     contents = replay.contents
     if not contents.ended:
-        notes.append("the session has not ended in order: it is running, or its engine went away")
+        notes.append("the session has not ended properly: it is running, or its engine went away")
     if contents.torn:
         notes.append(f"the last {len(contents.torn)} bytes of {JOURNAL} are torn and were left out")
     if replay.unwritten and replay.difference is None:

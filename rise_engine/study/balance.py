@@ -175,8 +175,8 @@ def _lines(
     cell_number = len(cells(study))
     if study.assignment.between == "minimise":
         yield (
-            "The cell is found when somebody takes a slot: the one in which the cells differ least, four times out of "
-            "five. `study status` counts the result."
+            "The cell is chosen when somebody takes a slot: four times out of five, the one that makes the cells "
+            "differ least. `study status` counts the result."
         )
     elif cell_number > 1:
         yield from _cell_lines(study, strata, slots)

@@ -118,7 +118,7 @@ AUTOMATIC: dict[str, str] = {
     "wizard": "the wizard has given a name",
     "recorder": "everything that records the session records, and its files grow",
     "replay": "the last session replays identically",
-    "explored": "what can happen in this condition and language was looked at, and nothing gets stuck or fails",
+    "explored": "in this condition and language, exploring found nothing that gets stuck or fails",
 }
 """What each automatic check confirms, in words for screens and records."""
 OF_THE_PARTICIPANT = frozenset({"consent", "participant"})

@@ -210,7 +210,7 @@ def _correction_problems(state: StudyStatus, session: StudySession) -> Sequence[
         if (each.entry.participant, each.entry.purpose) == (entry.participant, "counted")
     ]
     if counted and counted[-1].name != session.name:
-        return [f"{describe_entry(entry)}, is not their last: the sessions after it rest on how it was judged"]
+        return [f"{describe_entry(entry)}, is not their last: later sessions depend on its outcome"]
     taker = next((name for name, slot in state.places.slots.items() if slot == entry.slot), entry.participant)
     if taker != entry.participant:
         return [f"slot {entry.slot} was given to {taker} since {entry.participant} was excluded"]

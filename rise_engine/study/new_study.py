@@ -72,7 +72,7 @@ def folder_problem(folder: Path) -> str:
             return f"{folder} is not empty; name a new folder" if any(folder.iterdir()) else ""
     except OSError as error:
         return f"{folder} cannot be read: {error_message(error)}"
-    return f"{folder} is no folder" if folder.exists() or folder.is_symlink() else ""
+    return f"{folder} is not a folder" if folder.exists() or folder.is_symlink() else ""
 
 
 def _fill(folder: Path, new: NewStudy) -> None:
@@ -103,7 +103,7 @@ def study_toml_text(new: NewStudy) -> str:
     study = new.study
     lines = [
         "# The design of this study. You change it here; `rise-engine study check` says in",
-        "# words what is wrong with it. Once there is a plan, what the plan is made of stays:",
+        "# words what is wrong with it. Once there is a plan, it fixes these:",
         "# seed, n, scenario, factors, assignment, strata. The id stays too, once there is a session.",
         "",
         f"title    = {toml_value(study.title)}",
@@ -183,13 +183,13 @@ def _assignment_lines(study: Study) -> Iterable[str]:
     yield "[assignment]"
     if any(factor.kind == "between" for factor in study.factors):
         yield "# blocks: in each block, every cell comes equally often, as often as one of the numbers in"
-        yield "# `block`, which is drawn. Others: minimise, random, list (plan.csv is yours)."
+        yield "# `block`, drawn at random. Others: minimise, random, list (plan.csv is yours)."
         yield f"between = {toml_value(settings.between)}"
         yield f"block   = {toml_value(list(settings.block))}"
     if settings.strata:
         yield f"strata  = {toml_value(list(settings.strata))}  # columns of participants.csv; balanced in each"
     if any(factor.kind == "within" for factor in study.factors):
-        yield "# williams: every level comes at every place, and behind every other one, equally often."
+        yield "# williams: every level comes at every place, and after every other one, equally often."
         yield "# Others: latin, all, fixed, random."
         yield f"within  = {toml_value(settings.within)}"
     yield f"spare   = {settings.spare:g}  # rows of the plan beyond n, for those who drop out"
@@ -211,9 +211,9 @@ def _consent_lines(study: Study) -> Iterable[str]:
 
 
 def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
-    yield "# What is looked at before and after each session, in this order. `ask`: somebody confirms"
-    yield '# it. `auto`: the program does it. run = ["./check.sh"]: a program of yours does it. What'
-    yield "# fails keeps the session from beginning, unless blocks = false stands there."
+    yield "# Checks before and after each session, in this order. `ask`: somebody confirms"
+    yield '# it. `auto`: the program does it. run = ["./check.sh"]: your own program does it.'
+    yield "# A failed check prevents the session, unless it has blocks = false."
     for check in checks:
         yield "[[check]]"
         yield f"id = {toml_value(check.id)}"
@@ -231,19 +231,19 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
 EXAMPLE = "X00"
 """An unlikely pseudonym, so that a withdrawal does not find it in these lines."""
 _RECORDING_LINES = (
-    "# What records each session, begun and ended with it; take away the # of what you have.",
+    "# Recorders start and end with each session. Remove the # of those that you have.",
     "# Only participants with a date in the column consent_recording of participants.csv are recorded.",
     "# [recording]",
     '# obs = { password_file = "~/.config/rise/obs" }',
     '# camera = { by = "ffmpeg", input = ["-f", "v4l2", "-i", "/dev/video0"] }',
     "# lsl = true   # markers for EEG and other streams",
-    "# sync = true  # a sound at the start and the end, which lays films against the session",
+    "# sync = true  # a sound at the start and the end, to align films with the session",
     "",
 )
 
 
 def _report_lines() -> Iterable[str]:
-    yield "# What `rise-engine report` asks you for its reporting sheet; the rest it takes from the record."
+    yield "# Your answers for the reporting sheet of `rise-engine report`; the record has the rest."
     yield "# Missing items are listed there as still to say. Remove a # and write; you can change it at any time."
     yield "[report]"
     for item in REPORT_ITEMS:
@@ -254,7 +254,7 @@ def _report_lines() -> Iterable[str]:
 def _participants_lines(study: Study) -> Iterable[str]:
     yield f"# {PARTICIPANTS_FILE} has a line for each participant. You write it, with an editor or a"
     yield "# spreadsheet; the program only reads it. Its columns:"
-    yield f"#   participant    a pseudonym of letters and digits, as {EXAMPLE}; who that is, is written elsewhere"
+    yield f"#   participant    a pseudonym of letters and digits, as {EXAMPLE}; keep the list of names elsewhere"
     for column, values in study.strata.items():
         yield f"#   {column:<14} {' or '.join(values)}"
     for name in study.consent:
@@ -266,4 +266,4 @@ def _participants_lines(study: Study) -> Iterable[str]:
     example = {"participant": EXAMPLE, **{column: values[0] for column, values in study.strata.items()}}
     example |= {f"consent_{name}": "2026-11-21" for name in study.consent}
     columns = header_line(study).split(",")
-    yield f"# So that a line is: {','.join(example.get(column, '') for column in columns)}"
+    yield f"# An example of a line: {','.join(example.get(column, '') for column in columns)}"

@@ -235,7 +235,7 @@ class _PlanReader:
         if unknown is not None:
             problem = f"there is no `{unknown}`{did_you_mean(unknown, self.runs, limit=0)}"
         elif twice is not None:
-            problem = f"`{twice}` stands there {named.count(twice)} times"
+            problem = f"`{twice}` is listed {named.count(twice)} times"
         else:
             problem = f"{in_backquotes(run for run in self.runs if run not in named)} is missing"
         message = f"`order` has each of {in_backquotes(self.runs)} once, with blanks between them: {problem}"

@@ -151,9 +151,11 @@ def _plan_again(
     sentence += f" The plan before is {aside}." if aside else ""
     if held:
         names = ", ".join(holders[slot.slot] for slot in held)
-        sentence += f" Who holds a slot keeps it, with cell and order: {names}."
+        sentence += f" These participants keep their slots, with cell and order: {names}."
         if any(part.startswith("factors.") or part == "scenario" for part in changed):
-            sentence += " NOTE: what a condition does has changed, and they may have begun with what it did before."
+            sentence += (
+                " NOTE: conditions now do something else; these participants may have begun with the earlier version."
+            )
     return MadePlan(slots, prove_balance(study, slots), sentence)
 
 
@@ -164,9 +166,9 @@ def _take_scenarios(
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
     changed = [name for name, digest in hashes.items() if before.get(name) != digest]
     if not changed:
-        raise StudyError("nothing that the plan is made of has changed: the plan stays unchanged")
-    what = f"The plan stays unchanged; from now on {in_backquotes(changed)} counts as it is now, with this robot"
-    made = _read(study, f"{what}. Sessions before ran what it was before: each has a copy of it.")
+        raise StudyError("nothing that the plan depends on has changed: the plan stays unchanged")
+    what = f"The plan stays unchanged; from now on it means the present {in_backquotes(changed)}, with this robot"
+    made = _read(study, f"{what}. Earlier sessions ran the earlier version: each has a copy of it.")
     fields = _entry_fields(study, scenarios, made.slots, plan_hash(Path(study.folder)))
     log.append("planned", **fields, **why)
     return made
@@ -199,9 +201,9 @@ def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> t
         raise StudyError(
             "\n".join(
                 (
-                    f"the rows of those who hold a slot ({names}) do not fit into the new design. Who has begun keeps "
-                    "their conditions: put the design back, exclude them (`rise-engine study exclude`), or make a new "
-                    "study in another folder",
+                    f"the rows of those who hold a slot ({names}) do not fit into the new design. Participants "
+                    "who have begun keep their conditions: put the design back, exclude them "
+                    "(`rise-engine study exclude`), or make a new study in another folder",
                     *map(str, loaded.errors),
                 )
             )

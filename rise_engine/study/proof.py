@@ -78,7 +78,7 @@ def prove_sessions(
         problems = list(session.differences) if session is not None else []
         problems += outage_differences(there[name])
         if state is not None and session is None:
-            problems.append("it is no session of this study")
+            problems.append("it is not a session of this study")
         elif state is not None and session is not None:
             problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
             problems += [repeated[name]] if name in repeated else []

@@ -113,8 +113,10 @@ REPORT_ITEMS = (
     ReportItem("wizard_role", "who the wizards were: researchers, confederates, others"),
     ReportItem("wizard_demographics", "what is known of the wizards, and how well they knew the robot"),
     ReportItem("wizard_knew", "whether the wizards knew the hypotheses"),
-    ReportItem("wizard_perceived", "what the wizards saw and heard of the participants, by what, and how late"),
-    ReportItem("wizard_rules", "what the wizards were to answer to what, and what they were free to do"),
+    ReportItem(
+        "wizard_perceived", "what the wizards saw and heard of the participants, through what, and with what delay"
+    ),
+    ReportItem("wizard_rules", "which answers the wizards had to give to what, and what they were free to do"),
     ReportItem("wizard_training", "how the wizards were trained"),
     ReportItem("wizard_errors", "how errors of the wizards were prevented, and looked for in recordings"),
     ReportItem("place", "where it took place"),

@@ -132,7 +132,7 @@ def _report_driver(table: TomlTable, settings: TomlTable, driver: str) -> None:
             table.report_key("unknown-key", f"unknown key `{driver}`{did_you_mean(driver, _OWN_KEYS)}", driver)
             return
         near = did_you_mean(driver, known, limit=0) or f': {driver} = {{ by = "..." }}, one of {in_backquotes(known)}'
-        table.report_key("missing-value", f"`{driver}` does not say by what it records{near}", driver)
+        table.report_key("missing-value", f"`{driver}` needs `by`, the kind of its recorder{near}", driver)
     elif nearest_name(driver, known):
         settings.report_value("unknown-name", "by", f"there is no recorder `{driver}`{did_you_mean(driver, known)}")
     else:

@@ -210,10 +210,10 @@ def _check_plan(study: Study, planned: LogEntry | None, plan: PlanLoad, diagnost
     present = plan_hash(folder)
     if planned is None:
         if present:
-            message = f"{LOG_FILE} does not know this plan; `rise-engine study plan` looks at it and takes it up"
+            message = f"{LOG_FILE} does not know this plan; `rise-engine study plan` checks and accepts it"
             diagnostics.error("not-planned", location, message)
     elif present != planned.get("plan_hash") and plan_hash(folder, NEW_PLAN_FILE) == planned.get("plan_hash"):
-        message = "a new plan was made and has not its place yet: `rise-engine study plan` puts it there"
+        message = "a new plan was made but is not in its place yet: `rise-engine study plan` puts it there"
         diagnostics.error("not-planned", location, message)
     elif problem := plan_problem(study, planned, present):
         diagnostics.error("plan-changed", location, problem)
@@ -230,7 +230,7 @@ def _check_scenarios(
         if name in before and before[name] != digest:
             message = (
                 f"this scenario, or the robot that it runs on, was changed after the plan of {planned.at[:10]}: put it "
-                "back, or say that it is meant: rise-engine study plan --again REASON"
+                "back, or confirm the change: rise-engine study plan --again REASON"
             )
             diagnostics.warning("scenario-changed", SourceLocation(name), message)
 
@@ -292,7 +292,7 @@ def _check_kinds(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
     for each in entries:
         if each.kind in _KINDS:
             continue
-        message = f"`{each.kind}` is no kind of entry, so that nobody reads this line"
+        message = f"`{each.kind}` is not a kind of entry, so this line is ignored"
         if near := nearest_name(each.kind, _KINDS):
             diagnostics.error("unknown-kind", SourceLocation(LOG_FILE, each.line), f"{message}; did you mean `{near}`?")
         else:

@@ -34,9 +34,7 @@ GIVEN_UP = "its engine had gone, and it was given up"
 
 
 MOVED_AWAY = "is not in the study's sessions any more"
-NO_JOURNAL = (
-    "has no readable journal: what happened in it is lost, unless a backup has it. Put the journal back from there"
-)
+NO_JOURNAL = "has no readable journal: its record is lost, unless a backup has it. Restore the journal from there"
 
 
 class StudySession(Struct, frozen=True):

@@ -255,7 +255,7 @@ class _StudyReader:
                 self.diagnostics.error("unknown-name", table.value_location("strata", str(at)), message)
             elif column in named[:at]:
                 location = table.value_location("strata", str(at))
-                self.diagnostics.error("duplicate-name", location, f"`{column}` stands there twice")
+                self.diagnostics.error("duplicate-name", location, f"`{column}` is listed twice")
         misspelt = any(nearest_name(key, ("strata",)) for key in table.values if key not in _ASSIGNMENT_KEYS)
         for column in strata:
             if column not in named and not misspelt:
@@ -306,7 +306,7 @@ class _StudyReader:
                 message = f"a consent has a name of letters, digits and `_`, not `{name}`"
                 self.diagnostics.error("bad-name", location, message)
             elif name in needed[:at]:
-                self.diagnostics.error("duplicate-name", location, f"`{name}` stands there twice")
+                self.diagnostics.error("duplicate-name", location, f"`{name}` is listed twice")
         return tuple(dict.fromkeys(needed))
 
     def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:
@@ -334,9 +334,9 @@ class _StudyReader:
         table = self.table.section("wizards")
         wizards: dict[str, str] = {}
         for name in table.values:
-            alias = table.read(name, str, "", form=f': what exports call them: {name} = "W1"')
+            alias = table.read(name, str, "", form=f': their code in exports: {name} = "W1"')
             if isinstance(table.values[name], str) and not _ID.match(alias):
-                table.report_value("bad-name", name, f"what exports call `{name}` has letters and digits: W1")
+                table.report_value("bad-name", name, f"the code of `{name}` in exports has letters and digits: W1")
             elif alias and (other := next((each for each in wizards if wizards[each] == alias), None)) is not None:
                 table.report_value("duplicate-name", name, f"`{other}` is called `{alias}` already")
             wizards[name] = alias

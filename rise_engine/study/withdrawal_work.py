@@ -342,4 +342,4 @@ def erase_leftovers(study: Path, report: WithdrawalReport) -> None:
             report.unreached.append(f"{error.filename or folder} could not be erased: {error_message(error)}")
 
     busy = erase_all_unfinished(study, erase)
-    report.unreached += [f"{each} is being written just now: erase what becomes of it" for each in busy]
+    report.unreached += [f"{each} is being written just now: erase it when it is complete" for each in busy]

@@ -268,7 +268,7 @@ def check_matches(name: str, about: SessionSummary | None, options: CommandLine)
         raise not_started(f"{title} is running already; to begin a new session, {end}")
     if options.only_for_new:
         given = " and ".join(options.only_for_new)
-        raise not_started(f"{title} is running already; {given} can only be said of a session that begins: {end}")
+        raise not_started(f"{title} is running already; {given} can only be set for a new session: {end}")
     for what in ("mode", "robot", "participant", "condition") if about is not None else ():
         wanted, is_now = getattr(options, what), getattr(about, what)
         if wanted is not None and wanted != is_now:

@@ -77,7 +77,7 @@ def _terminal() -> Rows:
         columns, rows = os.get_terminal_size(sys.__stdout__.fileno() if sys.__stdout__ is not None else 1)
         yield "size", f"{columns} columns, {rows} rows"
     except (OSError, ValueError):
-        yield "size", "unknown: the output is no terminal"
+        yield "size", "unknown: the output is not a terminal"
     found = detect_colors(DisplayOptions(), environment)
     yield "colours", f"{found.system}, because {found.why}"
     yield (

@@ -162,7 +162,7 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
 
 # --- a second wizard --------------------------------------------------------------------------------------------------
 
-QUESTION = "Your name, as the comparison of wizards is to have it?"
+QUESTION = "Your name in the comparison of wizards?"
 
 
 def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient, str]:

@@ -280,7 +280,7 @@ def find_study_session(named: str) -> str:
 
 # --- the wizard's name ------------------------------------------------------------------------------------------------
 
-QUESTION = "Your name, as the record is to have it (a short one; enter: none)?"
+QUESTION = "Your name in the record (a short one; enter: none)?"
 
 
 def last_wizard(options: CommandLine) -> str:

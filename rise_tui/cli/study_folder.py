@@ -190,7 +190,7 @@ class StudyFolder:
         try:
             append_checked(check, context, report)
         except (StudyLogError, OSError) as error:
-            raise StudyError(f"the check {check.id} is not written down: {error}") from None
+            raise StudyError(f"the result of the check {check.id} cannot be saved: {error}") from None
 
     # --- sessions ---------------------------------------------------------------------------------------------------
 

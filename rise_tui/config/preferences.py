@@ -118,7 +118,7 @@ def write_saved(path: Path, kept: Preferences | SavedLayout) -> str:
         beside = path.with_name(f".{path.name}-{os.getpid()}-{threading.get_ident()}")
         write_whole(path, msgspec.json.format(msgspec.json.encode(kept)) + b"\n", beside=beside)
     except OSError as error:
-        return f"what is on the screen is not kept for the next time: {path}: {error.strerror or error}"
+        return f"the layout cannot be saved for the next time: {path}: {error.strerror or error}"
     return ""
 
 

@@ -245,7 +245,7 @@ class Confirmations:
     def close_outdated_release_question(self) -> None:
         """Close the question about the release if the robot's answer, a goal, a stop or a release outdated it."""
         if self._release_facts() != self._release_shown:
-            self._withdraw("-release", "what is stopped or held has just changed: the question about it was closed")
+            self._withdraw("-release", "the stop or a held part has just changed: the question about it was closed")
 
     def _release_facts(self) -> tuple[int, object]:
         """The contents of the question about the release: the number of the stop, and the robot's answer."""

@@ -192,7 +192,7 @@ STEPS = (
         "hints",
         "Finding the rest",
         "Above this line are the keys of your study, those that it waits for first; this line names the console's. "
-        "{help} explains all of them, {palette} does anything by its "
+        "{help} explains all of them, {palette} finds any command by "
         "name, {quit} leaves: the session goes on without you, or ends if you say so.",
     ),
 )

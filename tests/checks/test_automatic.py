@@ -221,7 +221,7 @@ def test_scenario_as_it_was_planned(tmp_path: Path) -> None:
     assert not found.passed
     assert found.reason == (
         "the scenario `scenario`, or the robot that it runs on, was changed since the plan of 2026-11-10; put it back "
-        "as it was, or say that it is meant (rise-engine study plan --again REASON)"
+        "as it was, or confirm the change (rise-engine study plan --again REASON)"
     )
     (made / "acts" / "greet.xml").write_text("<Dialog>")
     assert look_at_scenario(made, study(tmp_path), log).reason.startswith("the scenario `scenario` has errors: acts/")

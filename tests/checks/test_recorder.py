@@ -78,7 +78,7 @@ async def test_what_says_that_it_records_and_writes_nothing_has_failed(
     [
         ("prepare", refuse, "the lens cap is on"),
         ("start", refuse, "the lens cap is on"),
-        ("status", hang, "it was asked its state and did not answer within 5 s"),
+        ("status", hang, "it was asked for its state and did not answer within 5 s"),
         ("stop", hang, "it was asked to stop and did not answer within 5 s"),
     ],
 )

@@ -40,7 +40,7 @@ BAD = '<Dialog name="Bad">\n  <Speach><actionID>1</actionID></Speach>\n</Dialog>
 def test_a_clean_scenario(tmp_path: Path) -> None:
     done = engine("check", folder(tmp_path / "s"))
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("no findings (3 acts, 3 rules, 1 memory key, robot generic)")
+    assert done.stdout.startswith("no errors or warnings (3 acts, 3 rules, 1 memory key, robot generic)")
 
 
 def test_a_scenario_can_be_given_by_its_toml_file(tmp_path: Path) -> None:

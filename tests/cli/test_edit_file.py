@@ -210,7 +210,7 @@ def test_edits_that_let_a_study_start_programs_are_asked_for(
     ran = _edit(study, [edit])
     assert ran.exit_code == 1 and _disk(study) == before
     assert "error: the study would then start a" in ran.stderr and told in ran.stderr
-    assert "--allow-programs writes it" in ran.stderr
+    assert "add --allow-programs" in ran.stderr
     ran = _edit(study, [edit], "--allow-programs")
     assert ran.exit_code == 0, ran.output
     assert _disk(study) != before

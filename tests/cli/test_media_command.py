@@ -53,9 +53,9 @@ def test_a_recording_is_registered_by_its_marks(tmp_path: Path, sound: Path) -> 
     assert lines[0] == f"{sound}: mic, audio, 1.3 MB, 40.0 s"
     assert lines[1].startswith("mark 1: 6.5002 s in the file, 2.0000 s of the session, ")
     assert lines[2].startswith("mark 2: 35.5031 s in the file, 31.0000 s of the session, ")
-    told = "with no drift that can be told from none (within 4,138 ppm)"
+    told = "with no measurable drift (within 4,138 ppm)"
     assert lines[3] == f"begins 4.500 s before the session, {told} (by marks)"
-    assert lines[4].startswith("that is known to 60 ms, and its drift to 4138 ppm: ")
+    assert lines[4].startswith("this is accurate to 60 ms, and its drift to 4138 ppm, ")
     assert lines[5].startswith("time in the file = 4.5000 s + 1.0000998")
     [file] = read_media(folder)
     assert (file.kind, file.name, file.aligned_by, file.bytes) == ("audio", "mic", "marks", sound.stat().st_size)
@@ -70,10 +70,12 @@ def test_a_recording_is_registered_by_its_marks(tmp_path: Path, sound: Path) -> 
 
     sound.rename(tmp_path / "away.wav")
     listed = run("list", folder)
-    assert listed.exit_code == 1 and "IT IS NOT THERE: put it back, or rise-engine media remove" in listed.output
+    assert (
+        listed.exit_code == 1 and "THE FILE IS MISSING: put it back, or use rise-engine media remove" in listed.output
+    )
     removed = run("remove", folder, "mic")
     assert (
-        removed.exit_code == 0 and "no recording of session any more; the file itself was not touched" in removed.output
+        removed.exit_code == 0 and "no longer a recording of session; the file itself was not touched" in removed.output
     )
     assert read_media(folder) == () and (tmp_path / "away.wav").exists()
     assert "has no recordings: rise-engine media add" in run("list", folder).output
@@ -83,7 +85,7 @@ def test_a_recording_is_registered_by_its_marks(tmp_path: Path, sound: Path) -> 
 def test_what_was_known_stays_when_nothing_is_found(tmp_path: Path, sound: Path) -> None:
     folder = session(tmp_path, *MARKS)
     first = run("add", folder, sound, "--at", "-4.5")
-    assert first.exit_code == 0 and "begins 4.500 s before the session (as you have said)" in first.output
+    assert first.exit_code == 0 and "begins 4.500 s before the session (as you entered it)" in first.output
     noise = write_wav(sound, record_marks([], offset=0, seconds=5, noise=0.1, samples=16_000), 16_000)
     again = run("add", folder, noise, "--find-marks", "--json")
     [found] = json.loads(again.output)["files"]
@@ -126,8 +128,8 @@ def test_where_somebody_says_that_it_lies(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--at", "soon"], "--at soon: 'soon' is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN"),
-        (["--at", "nan=1"], "--at nan=1: 'nan' is no time"),
+        (["--at", "soon"], "--at soon: 'soon' is not a time: write seconds (75.2), a clock (1:15.2), or FILE=markN"),
+        (["--at", "nan=1"], "--at nan=1: 'nan' is not a time"),
         (["--at", "3=mark7"], "--at 3=mark7: the session has no mark 7; its marks are 1, 2"),
         (["--at", "3", "--find-marks"], "use either --find-marks or --at"),
     ],
@@ -145,7 +147,7 @@ def test_what_is_not_there_is_said(tmp_path: Path, sound: Path) -> None:
     assert run("add", tmp_path / "nowhere", sound).exit_code == 2 and run("list", tmp_path / "nowhere").exit_code == 2
     (folder / MEDIA_FILE).write_text("?")
     broken = run("add", folder, sound)
-    assert broken.exit_code == 2 and "is not what was written there" in broken.output
+    assert broken.exit_code == 2 and "has an error" in broken.output
     assert (folder / MEDIA_FILE).read_text() == "?" and run("list", folder).exit_code == 2
 
 
@@ -157,7 +159,7 @@ def test_without_a_word_it_lies_where_its_recorder_was_started(tmp_path: Path, s
     )
     done = run("add", folder, sound)
     assert done.exit_code == 0 and "begins 1.250 s after the session (by when it was started)" in done.output
-    assert "which is no time of its first picture: look for marks" in done.output
+    assert "which is not the time of its first frame: use --find-marks" in done.output
     assert "on record, and not in media.json (rise-engine media add):\n   /data/bag" in run("list", folder).output
     other = write_wav(tmp_path / "other.wav", [], 16_000)
     unknown = run("add", folder, other)
@@ -185,7 +187,7 @@ def test_flashes_and_sessions_without_marks_say_what_to_do(tmp_path: Path, sound
     folder = session(tmp_path, *FLASHES)
     done = run("add", folder, sound, "--find-marks")
     assert done.exit_code == 1
-    assert "not aligned: the session's marks are flashes: look for them, and say --at FILE=markN" in done.output
+    assert "not aligned: the session's marks are flashes: look for them, and use --at FILE=markN" in done.output
     assert run("add", folder, sound, "--at", "6.5=mark1").exit_code == 0 and read_media(folder)[0].offset == 4.5
     shutil.rmtree(folder)
     done = run("add", session(tmp_path), sound, "--find-marks")
@@ -198,13 +200,12 @@ def test_a_session_that_was_interrupted_says_for_what_it_holds(tmp_path: Path, s
     done = run("add", folder, sound, "--find-marks")
     assert done.exit_code == 1 and "not aligned: 2 marks found" in done.output
     done = run("add", folder, sound, "--at", "6.5=mark1")
-    assert (
-        "note: the session was interrupted, which a camera does not know: this holds only for what was before 20.0 s"
-        in (done.output)
+    assert "note: the session was interrupted, but not the recording: this alignment holds only before 20.0 s" in (
+        done.output
     )
     done = run("add", folder, sound, "--at", "35.5=mark2", "--json")
     assert done.exit_code == 0, done.output
-    assert json.loads(done.output)["files"][0]["remarks"][0].endswith("this holds only for what was after 20.0 s")
+    assert json.loads(done.output)["files"][0]["remarks"][0].endswith("this alignment holds only after 20.0 s")
 
 
 def test_a_recording_that_went_on_without_an_engine_begins_when_it_began(tmp_path: Path, sound: Path) -> None:
@@ -212,7 +213,7 @@ def test_a_recording_that_went_on_without_an_engine_begins_when_it_began(tmp_pat
     folder = session(tmp_path, MARKS[0], recovered, MARKS[1])
     run("add", folder, sound, "--at", "65.5=mark2")  # 30 s later in the file than in the session
     for done in (run("list", folder), run("add", folder, sound)):
-        assert "begins 4.500 s before the session (as you have said)" in done.output, done.output
+        assert "begins 4.500 s before the session (as you entered it)" in done.output, done.output
 
 
 def test_a_bag_is_a_folder(tmp_path: Path) -> None:

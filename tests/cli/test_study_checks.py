@@ -88,7 +88,7 @@ def test_options_that_cannot_be_meant_are_said_at_once_before_anything_is_looked
         "--skip-check agreed: consent cannot be skipped in a session that counts",
         "--confirm lmap: the study has no such check; did you mean `lamp`?",
         "--confirm wizard: the program checks this itself (the wizard has given a name)",
-        "--confirm debrief: this is looked at after a session (Participant was debriefed)",
+        "--confirm debrief: this check is made after a session (Participant was debriefed)",
         "lamp is both confirmed and skipped: use one of them",
     ]
     assert logged(tmp_path) == []

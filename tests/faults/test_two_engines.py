@@ -299,7 +299,7 @@ def wait_for_file(path: Path) -> None:
 
 def test_reading_needs_no_lock(runtimes: Runtimes) -> None:
     it = begun(folder(runtimes.root / "study"))
-    assert engine("replay", it.record).stdout.startswith("note: the session has not ended in order")
+    assert engine("replay", it.record).stdout.startswith("note: the session has not ended properly")
     assert engine("export", it.record, "--format", "csv").stdout.startswith("session,")
     assert it.end() == 0
 

@@ -162,7 +162,7 @@ def test_a_changed_text_is_spoken_and_the_picks_stay(tmp_path: Path) -> None:
             RULES.replace('id="A"', 'id="Z"').replace('"A"', '"Z"'),
             "the rule `R` is in the state `A`, which no longer exists",
         ),
-        (RULES.replace("5s", "6s"), "the rule `R` counts `after 5s` in the state `A`, and this transition is another"),
+        (RULES.replace("5s", "6s"), "the rule `R` counts `after 5s` in the state `A`, but the files have changed this"),
         (RULES.replace('after="5s" target="B"', 'after="5s" target="C"'), "the rule `R` counts `after 5s`"),
         (RULES.replace('while="calm"', 'while="not calm"'), "the rule `R` counts `after 9s`"),
     ],
@@ -182,7 +182,7 @@ def test_only_while_nothing_runs_and_with_the_same_robot(tmp_path: Path) -> None
     kernel, _ = start(one)
     assert kernel.why_not_take_over(other) == []
     robot = replace(other, robot=replace(other.robot, title="Another"))
-    assert kernel.why_not_take_over(robot)[0].startswith("the robot or its profile is another one")
+    assert kernel.why_not_take_over(robot)[0].startswith("the robot or its profile has changed")
     kernel.handle(task("startCommunicationRobotAct", "Say", 2.0))
     assert kernel.why_not_take_over(other) == ["an act runs or waits; wait until the robot has finished"]
     kernel.handle(task("stopAll", "", 3.0))
@@ -196,7 +196,7 @@ def test_a_value_of_the_memory_is_no_table_all_at_once(tmp_path: Path) -> None:
     (folder / "tables/words.csv").write_text("word\na\n")
     kernel.handle(task("assignValue", "words = 3", 2.0))
     assert kernel.why_not_take_over(study(folder)) == [
-        "`words` is a table now, and the memory has a value of that name"
+        "`words` is a table now, but the memory has a value of that name; delete the value first"
     ]
 
 

@@ -263,10 +263,10 @@ def test_a_time_is_computed_when_the_state_is_entered(
 @pytest.mark.parametrize(
     ("time", "value", "reason"),
     [
-        ("{pause}", True, "`{pause}` is true, which is no time"),
-        ("{pause}", "soon", '`{pause}` is the text "soon", which is no time'),
-        ("{pause}s", "2s", '`{pause}s` is the text "2s", which is no time'),
-        ("{pause}", None, "`{pause}` is null, which is no time"),
+        ("{pause}", True, "`{pause}` is true, which is not a time"),
+        ("{pause}", "soon", '`{pause}` is the text "soon", which is not a time'),
+        ("{pause}s", "2s", '`{pause}s` is the text "2s", which is not a time'),
+        ("{pause}", None, "`{pause}` is null, which is not a time"),
         ("{pause}", 86_401, "`{pause}` is the number 86401, which is longer than 24 hours"),
         ("{pause}", 1e300, "which is longer than 24 hours"),
         ("{pause + 1}", "x", "which is not a number"),

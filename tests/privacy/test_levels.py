@@ -113,7 +113,7 @@ def test_what_people_typed_is_counted(made: Made) -> None:
     records = exported(made, "shared")
     notes = [(each["source"], each["text"]) for each in of_kind(records, "note")]
     assert ("wizard:W2", "[note, 3 words]") in notes and ("observer:O1", "[note, 2 words]") in notes
-    assert any(source == "engine" and "is no memory key" in text for source, text in notes)
+    assert any(source == "engine" and "is not a memory key" in text for source, text in notes)
     assert of_kind(records, "cue")[0]["text"] == "[free text, 2 words]"
     assert [(each["reason"], each["value"]) for each in of_kind(records, "check")] == [
         ("[free text, 3 words]", ""),
@@ -267,8 +267,8 @@ def test_as_it_comes_a_value_is_hidden_from_then_on(tmp_path: Path) -> None:
     scenario = load(made.study).scenario
     assert scenario is not None
     private = PrivateValues(scenario)
-    note = NoteRecord(1, 0.0, "", "`Zoë` is no memory key; it was taken as a text", "engine")
-    assert private.hide(note).text == "`…` is no memory key; it was taken as a text"
+    note = NoteRecord(1, 0.0, "", "`Zoë` is not a memory key and was taken as a text", "engine")
+    assert private.hide(note).text == "`…` is not a memory key and was taken as a text"
     task = TaskRecord(2, 0.0, "", 1, "say", "Hi Zoë", "", "wizard:w", "ACTIVE")
     assert private.hide(task) is task
     memory = MemoryRecord(3, 0.0, "", "name", "Zoë", None, "wizard:w")

@@ -88,7 +88,7 @@ def test_e1_a_robot_of_another_version_is_not_connected_until_the_right_one_come
     bench.run(6)
     (told,) = bench.of(RobotRecord)
     assert told.status == "lost" and told.detail.startswith(
-        "other-version: Pepper has other versions of types; build both anew (/pepper/rise/speech is offered by"
+        "other-version: Pepper has other versions of types; rebuild both (/pepper/rise/speech is offered by"
     )
     bench.act()
     bench.run(7)
@@ -385,7 +385,7 @@ STATIC = {
     "a missing field": (
         TIN.replace("text =", "txet ="),
         SAY,
-        "`actions.Speech.carrier.goal.txet` is no field of lab_msgs/action/Say_Goal; did you mean `text`?",
+        "`actions.Speech.carrier.goal.txet` is not a field of lab_msgs/action/Say_Goal; did you mean `text`?",
     ),
     "a quality of service that is none": (
         TIN + 'qos.feedback.reliability = "best-effort"\n',

@@ -426,7 +426,7 @@ def test_for_a_person_and_for_a_program() -> None:
     lines = as_text(findings, 60).splitlines()
     assert lines[0] == "ok       all is well" and lines[-1] == "2 problems, 1 warning"
     assert "         → start it" in lines and max(map(len, lines)) <= 60
-    assert as_text(findings[:1]).endswith("nothing is in the way\n")
+    assert as_text(findings[:1]).endswith("no problems found\n")
     read = json.loads(as_json(findings))
     assert (read["problems"], read["warnings"]) == (2, 1)
     assert read["findings"][2] == {

@@ -300,7 +300,7 @@ def test_a_button_stays_pressed_for_an_engine_that_continues_until_it_is_pressed
     other = another(robot, "/panel")
     say(robot, 7, (other, False))
     assert robot.of(EstopReport) == [PRESSED], "nobody knows at which button it was pressed"
-    why = "was pressed when an engine ended, and nobody knows at which button: press it and let it go"
+    why = "was pressed when an engine ended, and it is unknown at which button: press it and let it go"
     assert standing(robot) == ("degraded", f"the emergency stop at {NAME} {why}")
     say(robot, 1, (other, True))
     say(robot, 1, (other, False))

@@ -220,7 +220,7 @@ def test_a07_one_of_two_servers() -> None:
     bench.run(1)
     mouth.close()
     bench.run(5)
-    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} went away during the action"
+    assert bench.ending(TASK) == f"lost: server-gone: the server of {SPEECH} went away during the action"
     assert bench.ending("2/2") == "succeeded"
     assert bench.robot_statuses() == ["connected", "degraded"]
     bench.check()

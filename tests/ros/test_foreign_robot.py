@@ -267,7 +267,7 @@ def test_a_base_that_died_does_not_turn_by_itself_when_it_is_back_although_a_bag
     robot.serve()
     robot.run(2)
     assert {each["twist"]["angular"]["z"] for each in robot.wire.messages("/cmd_vel")[before:]} <= {0.0}
-    assert robot.endings() == [("turn", "lost", "server-gone: what listened to /cmd_vel went away during the action")]
+    assert robot.endings() == [("turn", "lost", "server-gone: the listener of /cmd_vel went away during the action")]
     assert robot.log("Turn").count("begun") == 1
 
 

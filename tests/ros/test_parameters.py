@@ -68,7 +68,7 @@ def test_parameters_become_options(arguments: list[str], words: list[str]) -> No
         (["-p", "live_speech:=2"], "the parameter live_speech is true or false, not '2'"),
         (["-p", "dwell:=[1, 2]"], r"the parameter dwell is one value, not the list \['1', '2'\]"),
         (["-p", "dwell:={a: 1}"], "the parameter dwell cannot be"),
-        (["-p", "dwell=1"], "'dwell=1' is no parameter; one looks like name:=value"),
+        (["-p", "dwell=1"], "'dwell=1' is not a parameter; one looks like name:=value"),
         (["-p", "dwell:=[1"], "is not YAML"),
         (["-p"], "something must follow -p"),
         (["--params-file", "/nowhere.yaml"], "--params-file /nowhere.yaml cannot be read"),

@@ -60,10 +60,10 @@ def test_what_means_nothing_here_is_passed_over() -> None:
         (["a:=b"], "'a:=b' is not understood; did you forget -r before it?"),
         (["--remaps", "a:=b"], "'--remaps' is not understood"),
         (["-r"], "something must follow -r"),
-        (["-r", "a=b"], "'a=b' is no remapping; one looks like from:=to"),
-        (["-r", "a:="], "'a:=' is no remapping"),
+        (["-r", "a=b"], "'a=b' is not a remapping; one looks like from:=to"),
+        (["-r", "a:="], "'a:=' is not a remapping"),
         (["-r", "__ns:=lab"], "the namespace 'lab' must begin with a slash"),
-        (["-p", "x"], "'x' is no parameter; one looks like name:=value"),
+        (["-p", "x"], "'x' is not a parameter; one looks like name:=value"),
         (["-r", "rosservice://a:=b"], "are not supported"),
     ],
 )

@@ -272,7 +272,7 @@ def test_a_whole_service_or_action_has_a_hash_but_no_messages(types: InterfaceCa
         assert types.type_hash(name) == HASHES[name]
         with pytest.raises(PortError) as refused:
             types.fields(name)
-        assert str(refused.value) == f"{name} is no message; its messages are {parts}"
+        assert str(refused.value) == f"{name} is not a message; its messages are {parts}"
 
 
 def test_a_message_without_fields(types: InterfaceCatalog) -> None:
@@ -342,7 +342,7 @@ def test_a_nested_type_that_is_not_known_is_named_with_its_field(tmp_path: Path)
         ("int32 a\n\nint8 a\n", "A.msg:3: the field 'a' is there twice"),
         ("int32[ a\n", "A.msg:1: 'int32[' is not a type"),
         ("int32<=3 a\n", "A.msg:1: only texts can have a largest length, not int32"),
-        ("int8 LOW=many\n", "A.msg:1: 'many' is no value for a constant of type int8"),
+        ("int8 LOW=many\n", "A.msg:1: 'many' is not a value for a constant of type int8"),
         ("time stamp\n", "A.msg:1: 'time' is of ROS 1; in ROS 2 it is builtin_interfaces/Time"),
         ("A again\n", "A.msg: lab/msg/A contains itself"),
     ],

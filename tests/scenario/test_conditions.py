@@ -146,7 +146,7 @@ FINDINGS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         '[conditions.A]\nmemory = { hesitation = true, form = { kind = "x" } }\n'
         '[keys]\nv = { set = "hesitation = false" }\nb = { set = "form.kind = 3" }\nc = { set = "list[0] = 3" }',
         [
-            ("4:13 condition-changed", "changes `hesitation`, which makes the condition `A`"),
+            ("4:13 condition-changed", "changes `hesitation`, which the condition `A` sets"),
             ("5:13 condition-changed", "changes `form`"),
         ],
     ),

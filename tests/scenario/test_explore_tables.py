@@ -111,16 +111,16 @@ then = "task > 1"
         ("pace = [2, 0.5]", "2:8 error out-of-range: the first number of `pace` is the smaller one: pace = [0.5, 2]"),
         ("pace = [0, 1]", "2:8 error out-of-range: the numbers of `pace` are more than 0"),
         ("pace = [1, 1e300]", "2:8 error out-of-range: the numbers of `pace` are more than 0 and at most 1000"),
-        ("pace = [1]", "2:8 error wrong-type: `pace` says how many times as long as expected acts take"),
-        ("pace = [true, 2]", "2:8 error wrong-type: `pace` says"),
+        ("pace = [1]", "2:8 error wrong-type: `pace` is the least and greatest duration of acts"),
+        ("pace = [true, 2]", "2:8 error wrong-type: `pace` is the least"),
         (
             'pace = "all"',
-            "2:8 error wrong-type: `pace` says how many times as long as expected acts take, at least and "
-            'at most: pace = [0.5, 3.0], or pace = "any"',
+            "2:8 error wrong-type: `pace` is the least and greatest duration of acts, as multiples of the "
+            'expected one: pace = [0.5, 3.0], or pace = "any"',
         ),
         ('keys = "hand"', '2:8 error wrong-value: `keys` is "rules", or "all"'),
         ("keys = ['all']", '2:8 error wrong-value: `keys` is "rules", or "all"'),
-        ("tries = 3", "2:1 error wrong-type: `tries` says, by memory key, which values somebody may give it"),
+        ("tries = 3", "2:1 error wrong-type: `tries` lists the values that somebody may give a memory key"),
         (
             "tries = { tas = [3] }",
             "2:11 error unknown-memory-key: nothing in this scenario sets or reads the memory key "
@@ -155,7 +155,7 @@ def test_what_is_wrong_in_explore(tmp_path: Path, line: str, finding: str) -> No
             "5:2 error condition: there is no function `run`; did you mean `runs`?",
         ),
         ('[always]\nx = "in(R, S)"', "2:9 error condition: `in` takes names in quotation marks; write `'R'`"),
-        ('[always]\nx = "rand(2) > 1"', "2:5 error condition: what is asked of a situation leaves nothing to chance"),
+        ('[always]\nx = "rand(2) > 1"', "2:5 error condition: a property cannot depend on chance"),
         ("[always]\nx = true", "2:5 error wrong-type: `x` is a condition, in quotation marks"),
         ('[always]\nx = { then = "near" }', "2:5 error wrong-type: `x` is a condition, in quotation marks"),
         ('[always]\n" x" = "near"', "2:1 error bad-name: the name of a property"),

@@ -112,7 +112,7 @@ def test_the_sentences_say_what_to_write(tmp_path: Path) -> None:
     assert told('[en.peper]\na = "b"\n') == ("there is no robot `peper`, so no robot says this; did you mean `pepper`?")
     assert told('[en]\nDr.Smith = "b"\n').endswith("a word with a point in it needs quotation marks")
     assert told('[en]\na = "b"\n', "") == (
-        'nothing in this study is said in `en`. Which language the acts are in says scenario.toml: language = "en"'
+        'nothing in this study is said in `en`. scenario.toml sets the language of the acts: language = "en"'
     )
     assert (
         told('a = "b"\n')

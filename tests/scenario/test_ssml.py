@@ -149,7 +149,7 @@ def test_a_robot_that_takes_none_is_told_of_once(tmp_path: Path) -> None:
     again["acts/b.xml"] = str(again["acts/a.xml"]).replace('"A"', '"B"')
     (finding,) = loaded(tmp_path, again).diagnostics
     assert finding.message.startswith(
-        "the robot Pepper (`pepper`) takes no SSML: it is given the words alone (here, and in 1 further message)"
+        "the robot Pepper (`pepper`) does not take SSML: it gets only the words (here, and in 1 further message)"
     )
     again["scenario.toml"] = 'robot = "pepper"\n[actions.Speech]\nssml = true\n'
     assert loaded(tmp_path, again).diagnostics == []

@@ -115,7 +115,7 @@ def test_check_says_how_many(tmp_path: Path) -> None:
     entry = ELSE.format("<!-- check: allow ambiguous-else: we mean it -->")
     loaded(tmp_path, {"rules/r.xml": in_state(entry), "memory.json": MEMORY})
     short = CliRunner().invoke(main, ["check", str(tmp_path)])
-    assert short.exit_code == 0 and short.output.startswith("no findings, 1 silenced (")
+    assert short.exit_code == 0 and short.output.startswith("no errors or warnings, 1 silenced (")
     long = CliRunner().invoke(main, ["check", str(tmp_path), "--all"]).output.splitlines()
     assert "silenced ambiguous-else: " in long[0] and long[0].endswith("(reason: we mean it)")
     answer = json.loads(CliRunner().invoke(main, ["check", str(tmp_path), "--json"]).output)

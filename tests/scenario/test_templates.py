@@ -63,7 +63,7 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         [
             ("6:1 missing-parameter", "the template `Say` (acts/a.xml, line 2) needs `text`"),
             ("7:21 unknown-parameter", "the template `Say` has no parameter `idd`; did you mean `id`?"),
-            ("8:1 missing-attribute", 'which template is used: <use template="..."/>'),
+            ("8:1 missing-attribute", '`<use>` needs a template: <use template="..."/>'),
         ],
     ),
     "an argument too many": (
@@ -128,7 +128,7 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
     "a use that holds something": (
         acts(f'{SAY}\n<Dialog name="A"><use template="Say" id="1" text="Hi"><Wait/></use> loud </Dialog>'),
         [
-            ("5:55 unknown-element", "`<use>` holds nothing"),
+            ("5:55 unknown-element", "nothing is allowed inside `<use>`"),
             ("5:69 unexpected-text", "text is not allowed here: `loud`"),
         ],
     ),
@@ -171,7 +171,7 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
             f'{SAY}<Template name="T"><parameter name="a"/><use template="${{a}}"/></Template>\n'
             '<Dialog name="A"><use template="Say" id="1" text="a"/><use template="T" a="Say"/></Dialog>'
         ),
-        [("4:67 wrong-value", "a template is named here as it is, without `${...}`")],
+        [("4:67 wrong-value", "write the template's name itself, without `${...}`")],
     ),
 }
 

@@ -166,7 +166,7 @@ def test_files_are_called_as_their_language(name: str, toml: str, expected: str)
 def test_a_language_that_there_is_not() -> None:
     message = read(study(), "fr").errors[0].message
     assert message == "this study is not in the language `fr`; it is in `en`, `de`"
-    assert "say in scenario.toml" in read(study(None, ""), "fr").errors[0].message
+    assert "write its language in scenario.toml" in read(study(None, ""), "fr").errors[0].message
 
 
 def test_languages_that_are_wanted_have_no_file_yet() -> None:

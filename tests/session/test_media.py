@@ -82,7 +82,7 @@ def test_one_is_taken_out_by_its_path_its_last_part_or_its_name(tmp_path: Path) 
 def test_what_was_not_written_here_is_not_overwritten(tmp_path: Path, content: str) -> None:
     path = tmp_path / MEDIA_FILE
     path.write_bytes(content.encode("latin-1"))
-    with pytest.raises(SessionError, match=r"media.json is not what was written there: .*Correct it, or move it away"):
+    with pytest.raises(SessionError, match=r"media.json has an error: .*Correct it, or move it away"):
         read_media(tmp_path)
     with pytest.raises(SessionError):
         register_media(tmp_path, FILM)

@@ -64,8 +64,8 @@ def test_case_can_be_kept() -> None:
         ("  =NAME1", "no word before"),
         ("A=NAME1", "one character only"),
         ("..=NAME1", "no letter and no digit"),
-        ("Maria=", "cannot stand instead"),
-        ("Maria=Frau Ä", "cannot stand instead"),
+        ("Maria=", "cannot be a replacement"),
+        ("Maria=Frau Ä", "cannot be a replacement"),
     ],
 )
 def test_what_cannot_be_replaced(given: str, part: str) -> None:
@@ -76,14 +76,14 @@ def test_what_cannot_be_replaced(given: str, part: str) -> None:
 def test_words_that_contradict_one_another() -> None:
     with pytest.raises(WordError, match="both 'A1' and 'A2'"):
         words("Anna=A1", "anna=A2")
-    with pytest.raises(WordError, match="holds a word that is to go"):
+    with pytest.raises(WordError, match="contains a word to replace"):
         words("Anna=Maria1", "Maria=X1")
-    with pytest.raises(WordError, match="say which words"):
+    with pytest.raises(WordError, match="name the words to replace"):
         words()
 
 
 def test_what_is_left_over_makes_no_word() -> None:
-    with pytest.raises(WordError, match="makes up one of the words"):
+    with pytest.raises(WordError, match="make up one of the words"):
         words("bN1=XX", "aab=N1").replace("baab")
 
 

@@ -57,13 +57,13 @@ EDITS = [
         LOG_FILE,
         '"kind":"outcome"',
         '"kind":"outcom"',
-        r"study.jsonl:\d+:1: error unknown-kind: `outcom` is no kind of entry, .*; did you mean `outcome`\?",
+        r"study.jsonl:\d+:1: error unknown-kind: `outcom` is not a kind of entry, .*; did you mean `outcome`\?",
     ),
     (
         LOG_FILE,
         '"kind":"outcome"',
         '"kind":"weather"',
-        r"study.jsonl:\d+:1: warning unknown-kind: `weather` is no kind of entry, .*; a newer version may have",
+        r"study.jsonl:\d+:1: warning unknown-kind: `weather` is not a kind of entry, .*; a newer version may have",
     ),
     (
         LOG_FILE,

@@ -367,7 +367,7 @@ def test_the_proof_counts_what_is_there() -> None:
         (make_study([], [3], orders="fixed"), "Everybody has the same order"),
         (make_study([], [3], orders="random"), "Orders are drawn for each participant alone"),
         (make_study([2], [3], n=8), "At n = 8, with 4 in each cell, the last set of orders is not complete"),
-        (make_study([2], n=8, method="minimise"), "The cell is found when somebody takes a slot"),
+        (make_study([2], n=8, method="minimise"), "The cell is chosen when somebody takes a slot"),
         (make_study([2], n=8, strata=[2]), "Each stratum is balanced on its own"),
         (make_study([]), "There is no between factor: everybody gets the same."),
         (

@@ -113,7 +113,7 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     ),
     "no level": (GOOD.replace("yes", ""), ["3:6: error wrong-value: `hesitation` is one of `yes`, `no`, not ``"]),
     "a run missing": (GOOD.replace("loud quiet", "loud"), [f"2:9: {ORDER} `quiet` is missing"]),
-    "a run twice": (GOOD.replace("loud quiet", "loud loud"), [f"2:9: {ORDER} `loud` stands there 2 times"]),
+    "a run twice": (GOOD.replace("loud quiet", "loud loud"), [f"2:9: {ORDER} `loud` is listed 2 times"]),
     "another run": (
         GOOD.replace("loud quiet", "loud quite"),
         [f"2:9: {ORDER} there is no `quite`; did you mean `quiet`?"],
@@ -279,7 +279,9 @@ def test_more_participants_while_some_hold_slots(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--again REASON"):
         plan(tmp_path)
     again = plan(tmp_path, "eight more")
-    assert "changed in study.toml: n. The plan before is plan-1.csv. Who holds a slot keeps it" in again.sentence
+    assert (
+        "changed in study.toml: n. The plan before is plan-1.csv. These participants keep their slots" in again.sentence
+    )
     assert "P01, P03." in again.sentence
     assert again.slots[:2] == (held[0], held[2])
     assert min(slot.slot for slot in again.slots[2:]) == held[2].slot + 1, "a number means one row for ever"
@@ -305,7 +307,7 @@ def test_what_a_condition_does_may_change_and_is_noted(tmp_path: Path) -> None:
     study_folder(tmp_path)
     take(tmp_path, plan(tmp_path), 1)
     change(tmp_path, "{ noise = 3 }", "{ noise = 4 }")
-    assert "NOTE: what a condition does has changed" in plan(tmp_path, "it was too quiet").sentence
+    assert "NOTE: conditions now do something else" in plan(tmp_path, "it was too quiet").sentence
 
 
 def test_who_holds_a_slot_is_not_moved_into_another_design(tmp_path: Path) -> None:
@@ -339,7 +341,7 @@ def test_a_new_plan_needs_a_change(tmp_path: Path, reason: str) -> None:
             plan(tmp_path, reason)
         return
     plan(tmp_path)
-    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan depends on has changed"):
         plan(tmp_path, reason)
 
 
@@ -357,7 +359,7 @@ def test_a_list_may_grow_and_keeps_who_holds_a_slot(tmp_path: Path) -> None:
     study_folder(tmp_path, LIST, plan_csv=GOOD)
     plan(tmp_path)
     log(tmp_path, "taken", slot=2, participant="P01")
-    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan depends on has changed"):
         plan(tmp_path, "more")
     (tmp_path / PLAN_FILE).write_text(GOOD.replace("\n2,", "\n3,"))
     with pytest.raises(StudyError, match=r"plan.csv has no row for P01 \(slot 2\)"):
@@ -388,7 +390,7 @@ def test_killed_while_a_plan_was_made(tmp_path: Path, moment: str, again: bool) 
             opened.rewrite(opened.entries()[:-1])
     else:
         assert (
-            any("a new plan was made and has not its place yet" in line for line in review(tmp_path)) == again
+            any("a new plan was made but is not in its place yet" in line for line in review(tmp_path)) == again
             or not again
         )
     finished = plan(tmp_path, reason if moment == "before the log" else None)
@@ -441,11 +443,11 @@ def test_a_mended_scenario_is_taken_with_a_reason_and_the_plan_stays(tmp_path: P
     (tmp_path / "scenario" / "scenario.toml").write_text('title = "Other"')
     again = plan(tmp_path, "a word was misspelt")
     assert again.slots == first.slots and (tmp_path / "plan.csv").read_bytes() == before
-    assert again.sentence.startswith("The plan stays unchanged; from now on `scenario` counts as it is now")
+    assert again.sentence.startswith("The plan stays unchanged; from now on it means the present `scenario`")
     entry = last_planned(read_log(tmp_path))
     assert entry is not None and entry.get("reason") == "a word was misspelt"
     assert review(tmp_path) == []
-    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan depends on has changed"):
         plan(tmp_path, "once more")
 
 

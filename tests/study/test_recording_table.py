@@ -95,7 +95,7 @@ folder = 7
         '5:32: error recorder-option: `node` is the full name of the node that records: node = "/rosbag2_recorder"',
         "5:53: error recorder-option: `topics` is for a recorder that is started for the session; the recorder at "
         "`node` has its own",
-        '6:1: error missing-value: `room` does not say by what it records: room = { by = "..." }, one of '
+        '6:1: error missing-value: `room` needs `by`, the kind of its recorder: room = { by = "..." }, one of '
         "`ffmpeg`, `labrecorder`, `obs`, `rosbag2`",
         "7:1: error bad-name: a recorder has a name of letters, digits, `_` and `-`, beginning with a "
         "letter, not `2nd`",

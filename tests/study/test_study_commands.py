@@ -85,7 +85,9 @@ def test_a_study_by_options(tmp_path: Path) -> None:
         "scenario",
         "study.toml",
     ]
-    assert study("check", str(folder)).output.startswith("no findings (2 factors, 2 cells, 2 runs each, 8 wanted")
+    assert study("check", str(folder)).output.startswith(
+        "no errors or warnings (2 factors, 2 cells, 2 runs each, 8 wanted"
+    )
 
 
 def test_nothing_is_asked_after_a_session_when_that_is_said(tmp_path: Path) -> None:
@@ -116,18 +118,20 @@ def test_a_study_of_nothing_but_usual_answers(tmp_path: Path) -> None:
 def test_the_example_line_in_study_toml_is_one(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     assert study("new", str(folder), "--yes", *TWO_FACTORS, "--consent", "study,video").exit_code == 0
-    (example,) = [line for line in (folder / "study.toml").read_text().splitlines() if line.startswith("# So that")]
+    (example,) = [
+        line for line in (folder / "study.toml").read_text().splitlines() if line.startswith("# An example of a line")
+    ]
     with (folder / "participants.csv").open("a") as file:
-        file.write(example.removeprefix("# So that a line is: ") + "\n")
-    assert study("check", str(folder)).output.startswith("no findings")
+        file.write(example.removeprefix("# An example of a line: ") + "\n")
+    assert study("check", str(folder)).output.startswith("no errors or warnings")
 
 
 def test_a_problem_in_one_kind_of_session_is_told_when_the_study_is_made(tmp_path: Path) -> None:
     folder, levels = tmp_path / "s", ("--level", "form.a=form = 'plain'", "--level", "form.b=form = 'plane'")
     made = study("new", str(folder), "--yes", "--scenario", "negation", "--factor", "form=between", *levels)
-    assert made.exit_code == 1 and "s is there, with a problem that you must fix." in made.output
+    assert made.exit_code == 1 and "s was made, with a problem that you must fix." in made.output
     checked = study("check", str(folder))
-    assert checked.exit_code == 1 and checked.output.startswith("no findings in the files (")
+    assert checked.exit_code == 1 and checked.output.startswith("no errors or warnings in the files (")
     assert "has no column `plane`" in checked.output
 
 
@@ -189,7 +193,7 @@ def test_it_never_writes_into_a_folder_with_something_in_it(tmp_path: Path) -> N
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "mine").write_text("x")
     (tmp_path / "file").write_text("x")
-    for name, sentence in (("s", "is not empty; name a new folder"), ("file", "is no folder")):
+    for name, sentence in (("s", "is not empty; name a new folder"), ("file", "is not a folder")):
         result = study("new", str(tmp_path / name), "--yes")
         assert (result.exit_code, sentence in result.output) == (1, True)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "mine", "s"]
@@ -331,7 +335,7 @@ def test_answers_are_not_lost_by_an_error_that_is_found_at_the_end(tmp_path: Pat
         terminal.answer(each)
     assert terminal.end() == 1
     assert "in scenario-b: the memory has no key `hesitation`" in terminal.text
-    assert "lamps is there, with errors that you must fix." in terminal.text
+    assert "lamps was made, with errors that you must fix." in terminal.text
     assert "levels.b.scenario" in (tmp_path / "lamps" / "study.toml").read_text()
 
 

@@ -295,7 +295,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
     "a wizard with a blank": (
         "[consent]",
         '[wizards]\nanna = "W 1"\n[consent]',
-        ["bad-name: what exports call `anna` has letters and digits: W1"],
+        ["bad-name: the code of `anna` in exports has letters and digits: W1"],
     ),
     "two wizards of one name": (
         "[consent]",

@@ -134,7 +134,7 @@ class LabRecorder:
                     raise RecorderError(f"LabRecorder cut the connection ({word})") from None
                 if answer != b"OK":
                     said = clean(answer.decode("utf-8", "replace"))
-                    raise RecorderError(f"what answers at {self.host}:{self.port} is not LabRecorder: {said!r}")
+                    raise RecorderError(f"the program at {self.host}:{self.port} is not LabRecorder: {said!r}")
         finally:
             writer.close()
             with suppress(OSError, TimeoutError):

@@ -244,7 +244,7 @@ async def _receive(socket: ClientWebSocketResponse, wanted: int) -> object:
         raise RecorderError(f"OBS has closed the connection (code {socket.close_code})")
     found = _table(message.json())
     if found.get("op") != wanted:
-        raise RecorderError("what answers there is not OBS, or not of version 28 and later")
+        raise RecorderError("the program there is not OBS, or is older than version 28")
     return found.get("d")
 
 

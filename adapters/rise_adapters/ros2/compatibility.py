@@ -33,7 +33,7 @@ OTHER_MIDDLEWARE, OTHER_QUALITY = "other-middleware", "other-quality"
 """The first words of a reason (docs/explanation/ros2.md)."""
 SHORT_MISFITS = {
     OTHER_TYPE: "offers other types than its profile names",
-    OTHER_VERSION: "has other versions of types; build both anew",
+    OTHER_VERSION: "has other versions of types; rebuild both",
     OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
     OTHER_QUALITY: "wants another quality of service",
 }

@@ -77,7 +77,7 @@ def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenPar
         name, separator, text = value.partition(":=")
         of_node, _, name = name.rpartition(":")
         if not separator or not name:
-            raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
+            raise PortError(f"--ros-args: {value!r} is not a parameter; one looks like name:=value")
         if of_node in ("", own, full):
             read = _read_yaml(text, f"{argument} {value}")
             given.append(GivenParameter(name, "" if read is None else read))

@@ -119,7 +119,7 @@ def read_block(source: SourceFile, findings: ConversionFindings) -> BmlElement |
         findings.lose(root.location, f'this block is not in the namespace of BML 1.0 ("{NAMESPACE}"); it is read as if')
     if not root.is_bml or root.tag != "bml":
         near = did_you_mean(root.tag, ["bml"])
-        message = f"`<{file.root.tag}>` is no block of BML 1.0{near}; the outermost element is <bml>"
+        message = f"`<{file.root.tag}>` is not a block of BML 1.0{near}; the outermost element is <bml>"
         findings.diagnostics.error(FORM, root.location, message)
         return None
     _FormChecker(findings, draft=root.namespace in DRAFT_NAMESPACES).check_block(root)
@@ -161,7 +161,7 @@ class _FormChecker:
             self.findings.diagnostics.error(
                 NO_ACTION,
                 element.location,
-                f"`<{element.tag}>` is no behaviour of BML 1.0{did_you_mean(element.tag, BEHAVIORS)}",
+                f"`<{element.tag}>` is not a behaviour of BML 1.0{did_you_mean(element.tag, BEHAVIORS)}",
             )
         else:
             required = words.required if self.draft else ("id", *words.required)
@@ -189,7 +189,7 @@ class _FormChecker:
         for child in element:
             if child.is_bml and child.tag not in (*words.children, "description"):
                 known = (*words.children, "description")
-                message = f"`<{child.tag}>` cannot stand in `<{element.tag}>`{did_you_mean(child.tag, known)}"
+                message = f"`<{child.tag}>` is not allowed in `<{element.tag}>`{did_you_mean(child.tag, known)}"
                 self.error(child.location, message)
             elif child.is_bml and child.tag in ("lexeme", "stance", "pose"):
                 part = PARTS[child.tag]
@@ -209,7 +209,7 @@ class _FormChecker:
             message = f"`<{element.tag}>` has no attribute `{name}`{near}"
             self.error(element.attribute_location(name), message)
         for name in element.foreign:
-            message = f"`{name}` is in a namespace of its own; nobody here knows what it means"
+            message = f"`{name}` is in a namespace of its own; its meaning is unknown here"
             self.findings.lose(element.attribute_location(name), message)
         for name in required:
             if name not in element.attributes:
@@ -219,7 +219,7 @@ class _FormChecker:
         for text in _texts(element):
             if text.strip(BLANKS):
                 shown = " ".join(text[:1000].split())[:60]
-                self.error(element.location, f"text cannot stand in `<{element.tag}>`: `{shown}`")
+                self.error(element.location, f"text is not allowed in `<{element.tag}>`: `{shown}`")
                 return
 
 

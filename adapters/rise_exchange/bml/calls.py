@@ -97,7 +97,7 @@ class CallReader:
         for child in element:
             if child not in texts and child.is_bml and child.tag not in ("description", *MARKS, *PROSODY):
                 near = did_you_mean(child.tag, ("text", "description"))
-                self._error(FORM, child, f"`<{child.tag}>` cannot stand in `<speech>`{near}")
+                self._error(FORM, child, f"`<{child.tag}>` is not allowed in `<speech>`{near}")
         words = _one_line(" ".join("".join(self._words(each)) for each in holders))
         if any(len(each) for each in holders):  # a mark may leave two blanks
             words = " ".join(words.split())
@@ -125,7 +125,7 @@ class CallReader:
                 )
             elif not child.is_bml:
                 self._findings.lose(
-                    child.location, f"`<{child.written.tag}>` in the words: nobody here knows what it means"
+                    child.location, f"`<{child.written.tag}>` in the words: its meaning is unknown here"
                 )
             yield child.tail
 
@@ -142,7 +142,7 @@ class CallReader:
             )
             self._findings.lose(element.location, f"`<{element.tag}>` goes back after it; here {after}")
         elif element.tag == "headDirectionShift":
-            self._findings.lose(element.location, "only the head is to turn; here the eyes look, too")
+            self._findings.lose(element.location, "only the head should turn; here the eyes look, too")
         mode = element.get("mode")
         hand = next((hand for hand, each in MODES.items() if each == mode), None)
         if hand is not None:
@@ -167,7 +167,7 @@ class CallReader:
     def _wait(self, behavior: PlannedBehavior) -> ActionCall | None:
         element = behavior.element
         if "max-wait" in element.attributes:
-            message = "`max-wait` cannot be kept: an act waits so many seconds, and not for something else"
+            message = "`max-wait` cannot be kept: an act waits a fixed number of seconds"
             self._findings.diagnostics.error(TIME, element.attribute_location("max-wait"), message)
             return None
         written = element.get("duration")
@@ -175,7 +175,7 @@ class CallReader:
         if written is not None:
             seconds = read_seconds(written)
             if seconds is None:
-                message = f"`{written}` is no number of seconds"
+                message = f"`{written}` is not a number of seconds"
                 self._findings.diagnostics.error(FORM, element.value_location("duration"), message)
             elif length is not None and length != seconds:
                 message = f"by `duration` it waits {seconds} s, by `end` {length} s"
@@ -273,7 +273,7 @@ class CallReader:
                 message = f"a description of the type `{child.get('type') or ''}`: it is for another program"
                 self._findings.lose(child.location, message)
             elif not child.is_bml and not child.is_own and element.tag != "speech":
-                self._findings.lose(child.location, f"`<{child.written.tag}>`: nobody here knows what it means")
+                self._findings.lose(child.location, f"`<{child.written.tag}>`: its meaning is unknown here")
 
     def _lose_unsaid(self, element: BmlElement, more: tuple[str, ...]) -> None:
         """Report attributes without a counterpart in acts."""

@@ -102,7 +102,7 @@ class _BlockReader:
         if element.is_bml and element.tag not in BEHAVIORS:
             return  # reported as an error of form
         if not element.is_bml and not element.is_own:
-            message = f"`<{element.written.tag}>` is in a namespace of its own; nobody here knows what it does"
+            message = f"`<{element.written.tag}>` is in a namespace of its own; its meaning is unknown here"
             self.findings.diagnostics.error(NO_ACTION, element.location, message)
         id = element.get("id") or f"{element.tag}_{len(self.behaviors) + 1}"
         if id in self.behaviors:

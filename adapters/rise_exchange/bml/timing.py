@@ -163,14 +163,14 @@ class BlockTimes:
             return others
         elif time.offset > 0 and not any(each.seconds for each in others):
             return (Beginning(tuple(dict.fromkeys(id for each in others for id in each.behind)), time.offset),)
-        message = f"`{time.behavior}:start` with this offset cannot be kept: it is not so many seconds after an end"
+        message = f"`{time.behavior}:start` with this offset cannot be kept: it is not a fixed time after an end"
         self._refuse(location, message)
         return None
 
     def _read(self, text: str, location: SourceLocation) -> SyncTime | None:
         time = parse_sync(text)
         if time is None:
-            message = f"`{text}` is no time of BML 1.0; write 1.5, or greet:end + 0.5"
+            message = f"`{text}` is not a time of BML 1.0; write 1.5, or greet:end + 0.5"
             self._refuse(location, message)
             return None
         return time if self._is_of_block(time, location) else None
@@ -217,7 +217,7 @@ def read_constraint(
     for relation in element:
         syncs = [each for each in relation if each.is_bml and each.get("ref") is not None]
         if relation.tag == "before":
-            message = "an act cannot see to it that something happens before: it only waits for what has ended"
+            message = "an act cannot make something happen before: it only waits for what has ended"
             refuse(relation.location, message)
         elif relation.tag == "after" and relation.get("ref") is not None:
             for sync in syncs:
@@ -242,7 +242,7 @@ def _read_relation(
     moved, time = parse_sync(written), parse_sync(wanted)
     location = sync.value_location("ref")
     if moved is None or time is None:
-        refuse(location if moved is None else reference.value_location("ref"), "this is no time of BML 1.0")
+        refuse(location if moved is None else reference.value_location("ref"), "this is not a time of BML 1.0")
         return
     if exact and moved.point != START and time.point == START:
         moved, time, written, wanted = time, moved, wanted, written

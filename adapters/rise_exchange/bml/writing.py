@@ -83,10 +83,10 @@ def _note_losses(action: Action, read: Action | None, writer: _BlockWriter, find
     ]
     target = core.attributes.get("target")
     if target is not None and target not in writer.names.targets:
-        lose(f"BML has names and no points: what `{target}` is, another program has to know")
+        lose(f"BML has names and no points: another program has to know what `{target}` is")
     if different and (len(action.calls) == 1 or any(name != "message" for name in different)):
         shown = ", ".join(f"`{name}`" for name in different)
-        lose(f"BML's core has not just this for {shown}: another program does the next best")
+        lose(f"BML's core has no exact counterpart of {shown}: another program does something close")
 
 
 def _slot_loss(name: str, template: Template, memory: Mapping[str, Json]) -> str:

@@ -95,7 +95,7 @@ def _save(files: dict[Path, str]) -> None:
     """Write new files, all of them or none. Ends the command if they exist already, or cannot be written."""
     there = [path for path in files if path.exists()]
     if there:
-        exit_with_usage(f"there is a file {there[0]} already; nothing is written over")
+        exit_with_usage(f"there is a file {there[0]} already; name a new one")
     made: list[Path] = []
     try:
         for path, text in files.items():

@@ -67,7 +67,7 @@ def to_scxml(folder: str, names: tuple[str, ...], output: str | None, seed: int,
     if len(rules) > 1 and (output is None or into_file):
         exit_with_usage(f"these are {len(rules)} rules; name a folder with -o, or one of them with --rule")
     if output is not None and not into_file and Path(output).exists() and not Path(output).is_dir():
-        exit_with_usage(f"{output} is no folder, and no name that ends with {_ENDING}")
+        exit_with_usage(f"{output} is not a folder, and not a name that ends with {_ENDING}")
     _report_limits(scenario, rules, strict=strict)
     texts = {rule.name: export_rule(scenario, rule, seed=seed) for rule in rules}
     if output is None:
@@ -149,7 +149,7 @@ def from_scxml(file: str, into: str, name: str, events: tuple[str, ...]) -> None
     if not path.is_file():
         exit_with_usage(f"there is no file {file}")
     if folder.exists() and not folder.is_dir():
-        exit_with_usage(f"{into} is no folder")
+        exit_with_usage(f"{into} is not a folder")
     diagnostics = Diagnostics()
     source = FileReader(path.parent, diagnostics).read(path)
     outside = tuple(event.strip().removeprefix("/") for event in events)

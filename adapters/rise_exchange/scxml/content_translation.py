@@ -210,7 +210,7 @@ class ContentTranslator:
             self.report("expression", node.location, f"`{name}` is a part of a value; only whole variables can be set")
             return (), known
         if not node.declares and is_there is not None and "undeclared" in is_there.kinds:
-            self.report("expression", node.location, f"`{name}` may be declared by then or not; give it a `<data>`")
+            self.report("expression", node.location, f"`{name}` may not be declared by then; declare it with `<data>`")
             return (), {**known, name: REFUSED}
         constant = known_constant(node.value.root, known)
         if constant is not None and constant.kinds == {"list"}:
@@ -257,7 +257,7 @@ class ContentTranslator:
                 return None
             if not said.value.kinds & {"list", "refused"}:
                 return "failed"  # nothing to iterate over
-            message = "which list this is is not known before the chart runs; only one that never changes can be taken"
+            message = "this list is only known while the chart runs; only a list that never changes can be converted"
             self.report("list-arithmetic", node.array.location, message)
             return None
         found: list[Node] = []

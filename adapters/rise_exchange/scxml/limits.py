@@ -171,7 +171,7 @@ REFUSALS = {
     "scxml-number": "a whole number beyond 2^53 cannot be told from its neighbours in ECMAScript",
     "scxml-stop": "a document cannot end in the middle of its functions",
     "scxml-read-only": "the engine refuses to set this while a session runs",
-    "scxml-name": "`__proto__` is no plain name in ECMAScript",
+    "scxml-name": "`__proto__` is not a plain name in ECMAScript",
 }
 """Reasons why a rule has no document, by the code of the error."""
 LOSSES = {
@@ -257,13 +257,13 @@ def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
     for topic, others in analysis.shared_topics.items():
         waiting = next(each for each in analysis.transitions if each.event == topic)
         message = (
-            f"`/{topic}` is also waited for by {in_backquotes(others)}; who sends it has to decide which one gets it"
+            f"`/{topic}` is also waited for by {in_backquotes(others)}; the sender has to decide which one gets it"
         )
         yield Loss("routing", message, waiting.location)
     kept = sorted(topic for topic in _kept_topics(scenario) if topic in analysis.topics)
     for topic in kept:
         waiting = next(each for each in analysis.transitions if each.event == topic)
-        message = f"`/{topic}` may be kept; who sends it has to wait until the document waits for it"
+        message = f"`/{topic}` may be kept; the sender has to wait until the document waits for it"
         yield Loss("kept", message, waiting.location)
     for other in scenario.rules.values():
         for function in RuleAnalysis(scenario, other).functions:
@@ -277,7 +277,7 @@ def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
     for name in sorted(analysis.started_rules - {rule.name}):
         for function in RuleAnalysis(scenario, scenario.rules[name]).functions:
             if function.name == "stopInteractionRule" and function.argument == rule.name:
-                message = f"`{name}`, which it starts, stops it; the functions behind that start are then left out"
+                message = f"`{name}`, which it starts, stops it; the functions after that start are then left out"
                 yield Loss("stopped", message, rule.location)
     if analysis.goes_round:
         message = (

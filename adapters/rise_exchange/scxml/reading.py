@@ -175,7 +175,7 @@ class _ChartReader(ContentReader):
         events = tuple(element.attributes["event"].split()) if "event" in element.attributes else None
         condition = self.read_expression(element, "cond") if "cond" in element.attributes else None
         if is_initial and (events is not None or condition is not None):
-            self.refuse("chart", element, "a transition that is no choice has neither `event` nor `cond`")
+            self.refuse("chart", element, "a transition that is not a choice has neither `event` nor `cond`")
         kind = element.get("type") or "external"
         if kind not in ("internal", "external"):
             self.refuse("chart", element, f"a transition is `internal` or `external`, not `{kind}`", "type")
@@ -244,7 +244,7 @@ class _ChartReader(ContentReader):
         else:
             return None
         if value.root is None:
-            message = f"`{value.text.strip()}` is no value that could be worked out, so the variable would be unbound"
+            message = f"`{value.text.strip()}` is not a value that can be computed, so the variable would be unbound"
             self.refuse("data", element, message)
         return value
 
@@ -254,7 +254,7 @@ class _ChartReader(ContentReader):
         self.check_attributes(element, _ATTRIBUTES[tag])
         for child in element:
             if tag in _CHILDREN and not self.is_foreign(child) and child.tag not in _CHILDREN[tag]:
-                message = f"`<{child.tag}>` cannot stand in `<{tag}>`{did_you_mean(child.tag, _CHILDREN[tag])}"
+                message = f"`<{child.tag}>` is not allowed in `<{tag}>`{did_you_mean(child.tag, _CHILDREN[tag])}"
                 self.refuse("chart", child, message)
 
 

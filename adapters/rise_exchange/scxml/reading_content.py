@@ -154,10 +154,10 @@ class ContentReader:
             if self.is_foreign(child):
                 if child.tag.endswith(":editorinfo"):
                     continue  # Qt Creator's own layout of the state
-                self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; what it does is unknown")
+                self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; its effect is unknown")
                 continue
             if child.tag not in _ATTRIBUTES or child.tag in ("else", "elseif"):
-                self.refuse("chart", child, f"`<{child.tag}>` cannot stand in `<{parent.tag}>`")
+                self.refuse("chart", child, f"`<{child.tag}>` is not allowed in `<{parent.tag}>`")
                 continue
             self.check_attributes(child, _ATTRIBUTES[child.tag])
             nodes += self.read_node(child)
@@ -215,7 +215,7 @@ class ContentReader:
                 branches[-1][1].extend(self.read_content(pending))
                 pending.clear()
                 if has_else:
-                    self.refuse("chart", child, f"`<{child.tag}/>` is behind `<else/>`")
+                    self.refuse("chart", child, f"`<{child.tag}/>` is after `<else/>`")
                 has_else = has_else or child.tag == "else"
                 branches.append((None if child.tag == "else" else self.read_cond(child), []))
             else:
@@ -248,7 +248,7 @@ class ContentReader:
         if "expr" in element.attributes:
             script = self.read_expression(element, "expr")
             if script.root is None:
-                self.refuse("expression", element, "what is to be logged is no expression", "expr")
+                self.refuse("expression", element, "the value to log is not an expression", "expr")
         self.notes.append(f"line {line}: `<log>` is left out; the record of a session has every state and every value")
 
     # --- sending ---
@@ -292,7 +292,7 @@ class ContentReader:
                 self.refuse("foreign-type", element, "the failure of a send to another session comes later", "target")
             return [FailNode("error.communication", ends_block=False)]  # other sessions are unreachable
         if target.startswith("#_"):
-            message = f"`{target}` is another session; a rule has none that it was started by, or has invoked"
+            message = f"`{target}` is another session; a rule was started by none and has invoked none"
             self.refuse("invoke", element, message, "target")
             return []
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", target):

@@ -47,7 +47,9 @@ def flattening_notes(made: MadeRules) -> list[str]:
         notes.append(f"the event `{descriptor}` of the chart means {meant}; other events from outside are not seen")
     for helper in made.helpers:
         place = helper.place
-        when = f"after {_time(place.seconds)}" if place.seconds else "behind all that the chart raises, 1 ms later"
+        when = (
+            f"after {_time(place.seconds)}" if place.seconds else "after all events that the chart raises, 1 ms later"
+        )
         only = "; nothing else may send this event" if place.event in made.exclusive else ""
         notes.append(f"line {place.location.line}: /{place.event} is sent {when}, by the rule {helper.rule}{only}")
     if made.chart.variables or made.keys:

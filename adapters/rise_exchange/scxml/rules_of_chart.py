@@ -287,7 +287,7 @@ class _RuleMaker:
         """Report conditions that are no expressions. They are false, and raise an event that rules cannot see."""
         for way in self.ways:
             if way.condition is not None and way.condition.root is None and self.awaits_errors:
-                message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"
+                message = f"`{way.condition.text.strip()}` is not an expression: it is false, and raises `{ERROR}`"
                 location = way.condition.location
                 self.report("condition-error", location, f"{message}, which conditions of rules never do")
 
@@ -337,7 +337,7 @@ class _RuleMaker:
                 return
             state = way[0].target
         location = passed[0].transitions[0].location
-        self.report("endless", location, "from here, transitions without event or condition lead round without end")
+        self.report("endless", location, "from here, transitions without event or condition lead in an endless circle")
 
     def stop_helpers(self, known: Knowledge) -> Lines:
         """Cancel pending sends when the chart ends (6.2.4)."""

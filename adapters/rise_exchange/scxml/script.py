@@ -197,7 +197,9 @@ class _ScriptParser:
     def refused(self) -> ChartRefusedError:
         _, word, index = self.tokens[self.at]
         shown = f"`{word}`" if word else "the end of this expression"
-        return ChartRefusedError("expression", f"{shown} cannot be said in a condition of ours, or not here", index)
+        return ChartRefusedError(
+            "expression", f"{shown} cannot be written in a condition of a rule, or not here", index
+        )
 
     def end(self) -> None:
         if not self.is_at_end():
@@ -226,7 +228,7 @@ class _ScriptParser:
             return self.unary()
         left = self.expression(level + 1)
         if self.tokens[self.at][:2] == (_WORD, "in") and self.tokens[self.at + 1][1].startswith("_"):
-            raise ChartRefusedError("system-variable", "what a system variable has in it is not known here")
+            raise ChartRefusedError("system-variable", "the contents of a system variable are not known here")
         while operator := self.sign(*_LEVELS[level]):
             left = Operation(operator, (left, self.expression(level + 1)))
         return left
@@ -299,7 +301,7 @@ class _ScriptParser:
             message = f"`{word}` is a system variable; rules have none"
             raise ChartRefusedError("system-variable", message, index)
         if word in ("function", "new", "this", "delete", "void", "class", "await", "yield", "super", "import"):
-            raise ChartRefusedError("expression", f"`{word}` cannot be said in a condition of ours", index)
+            raise ChartRefusedError("expression", f"`{word}` cannot be written in a condition of a rule", index)
         return Variable(word)
 
     def in_state(self, index: int) -> ScriptNode:

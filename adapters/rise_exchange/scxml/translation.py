@@ -169,16 +169,16 @@ class _Translator:
         if found is None or found.kinds == {"undeclared"}:
             raise ChartRefusedError(UNDECLARED, name)
         if "undeclared" in found.kinds:
-            raise _refused(f"`{name}` may be declared by then or not; give it a `<data>`")
+            raise _refused(f"`{name}` may not be declared by then; declare it with `<data>`")
         return Said(name, _ATOM, found)
 
     def event_field(self, name: str) -> Said:
         found = self.knowledge.get(f"_event.{name}")
         if found is None or (found.constant is None and "text" in found.kinds):
-            message = f"`_event.{name}` is not the same on all ways to here, and rules do not know it while they run"
+            message = f"`_event.{name}` is not the same on all paths to here, and rules do not know it while they run"
             raise _refused(message, "computed")
         if found.kinds == {"undeclared"}:
-            raise _refused("there has been no event by then", "computed")
+            raise _refused("no event has happened by then", "computed")
         text = "null" if found.constant is None else json.dumps(found.constant, ensure_ascii=False)
         return Said(text, _ATOM, found, bool(found.constant))
 
@@ -204,7 +204,7 @@ class _Translator:
             case "/":
                 divisor = operands[1]
                 if not isinstance(divisor, Constant) or divisor.value in (0, None):
-                    raise _refused("what is divided by must be a number that is written out, and not 0")
+                    raise _refused("a divisor must be a literal number, and not 0")
         said = [self.number(operand, operator) for operand in operands]
         if any("refused" in each.value.kinds for each in said):
             return Said("null", _ATOM, _REFUSED)

@@ -72,7 +72,7 @@ def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
     values = _read_yaml(text, name)
     if not isinstance(values, dict) or not {*SECTIONS, *EYE_MOVEMENTS} & values.keys():
         listed = ", ".join(SECTIONS)
-        raise ExchangeError(f"{name} is no configuration of WoZ4U: it has none of the lists {listed}")
+        raise ExchangeError(f"{name} is not a configuration of WoZ4U: it has none of the lists {listed}")
     reader = _ConfigurationReader(name, diagnostics)
     items = [item for section in SECTIONS for item in reader.items(section, values)]
     items += reader.eye_movements(values)
@@ -121,7 +121,7 @@ def _read_yaml(text: str, name: str) -> Any:
     except (YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f":{mark.line + 1}:{mark.column + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "values are nested too deeply, or one is none that there is"
+        problem = getattr(error, "problem", None) or "values are nested too deeply, or one is not valid"
         raise ExchangeError(f"{name}{where}: this is not YAML: {problem}") from None
 
 

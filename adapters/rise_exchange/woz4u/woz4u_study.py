@@ -20,7 +20,7 @@ _FILES = {
     "animated_speech": ("acts/speech.xml", "What the robot says."),
     "gestures": ("acts/gestures.xml", "Movements."),
     "tablet_items": ("acts/tablet.xml", "What is shown on the tablet."),
-    "audio_files": ("acts/sounds.xml", "Sounds, which lie on the robot."),
+    "audio_files": ("acts/sounds.xml", "Sounds, which are on the robot."),
     "colors": ("acts/eyes.xml", "Colours and movements of the eyes."),
     "eyes": ("acts/eyes.xml", "Colours and movements of the eyes."),
 }
@@ -40,7 +40,7 @@ _CARRIER = (
 )
 _DECLARATIONS = {
     "PlaySound": f"""[actions.PlaySound]
-help = "Plays a sound file that lies on the robot."
+help = "Plays a sound file on the robot."
 channels = ["speech"]
 seconds = 5
 parameters.file = {{ type = "text", required = true, help = "Its path on the robot." }}
@@ -129,7 +129,7 @@ class _StudyMaker:
             )
         if self.woz.left_out:
             self.left_out.append(
-                f"what is about the robot or about WoZ4U itself: {', '.join(f'`{key}`' for key in self.woz.left_out)}"
+                f"settings of the robot or of WoZ4U itself: {', '.join(f'`{key}`' for key in self.woz.left_out)}"
             )
         if self.animations:
             self.left_out.append(

@@ -44,10 +44,10 @@ SERVE_OPTIONS = {
 """Every option of `rise-engine serve`, with `_` for `-`, and its help."""
 
 ARGUMENTS = {
-    "config": ("", "The scenario's folder (DIR); a study says it itself."),
+    "config": ("", "The scenario's folder (DIR); a study has its own."),
     **{name: ("rclpy" if name == "ros" else "", about) for name, about in SERVE_OPTIONS.items()},
-    "params_file": ("", "A file of ROS parameters for the session's node; what is said here counts more."),
-    "ros_arguments": ("", "More of what stands behind --ros-args: -r rise/domain_task:=task --log-level debug."),
+    "params_file": ("", "A file of ROS parameters for the session's node; these arguments take precedence."),
+    "ros_arguments": ("", "Further arguments after --ros-args: -r rise/domain_task:=task --log-level debug."),
     "namespace": ("", "Namespace of all these nodes."),
     "ros_domain_id": ("", "ROS domain of all these nodes; without it, that of the terminal."),
     "robot_sim": ("false", "true: a simulated robot on the wire, in place of the robot's wrapper."),

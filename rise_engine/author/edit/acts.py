@@ -130,7 +130,7 @@ def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
     for other in act.actions:
         if edit.action not in other.wait_for or other is action:
             continue
-        check_changeable(f"what {other.id} of {edit.act} waits for", other.reason)
+        check_changeable(f"`waitForActions` of {other.id} of {edit.act}", other.reason)
         inherited = [*dict.fromkeys(_inherited(other.wait_for, edit.action, action.wait_for))]
         inherited = [each for each in inherited if each != other.id]
         splices += _waits_splices(other.node, inherited)
@@ -262,7 +262,7 @@ def _waits_splices(action: Element, wait_for: Iterable[str]) -> list[Splice]:
         return [_in_order(action, NewElement("waitForActions", text=text), COMMON)] if text else []
     if not text:
         return [removal(element)]
-    check_changeable("what it waits for", element.text_obstacle())
+    check_changeable("`waitForActions`", element.text_obstacle())
     return [set_text(element, text)]
 
 

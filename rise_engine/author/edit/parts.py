@@ -41,7 +41,7 @@ def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
     if edit.value is None and was is None:
         return Plan()
     before = f" (was “{was.text}”)" if was is not None else ""
-    words = "is left to its default" if edit.value is None else f"is “{edit.value}”"
+    words = "has its default" if edit.value is None else f"is “{edit.value}”"
     says = f"{edit.parameter} of the {use.template} in {use.file}, line {use.line}, {words}{before}"
     return plan_use_parameter(use.node, edit.parameter, edit.value, says)
 
@@ -246,7 +246,7 @@ def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
     part = _part(kind, name, study)
     if part.template and _stand_here(kind, part, study) > 1:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
-    says = (f"the {kind.word} {name} goes",)
+    says = (f"the {kind.word} {name} is removed",)
     node = part.node
     noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
     translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()

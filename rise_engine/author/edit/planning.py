@@ -35,7 +35,7 @@ def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
     if edit.text is None:
         if old is None:
             raise EditRefused(f"there is no file `{file}`")
-        return Plan(written={file: None}, says=(f"{file} goes",))
+        return Plan(written={file: None}, says=(f"{file} is removed",))
     try:
         data = edit.text.encode()
     except UnicodeEncodeError:
@@ -54,7 +54,7 @@ def _what_differs(file: str, old: bytes, new: str) -> str:
     before, after = (text.removeprefix("\ufeff").splitlines() for text in (old.decode(errors="replace"), new))
     changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]
     if len(changed) != 1 or len(before) != len(after):
-        return f"{file} is written anew"
+        return f"{file} is rewritten"
     was, is_now = (shorten(" ".join(lines[changed[0]].split()), _SHOWN) for lines in (before, after))
     return f"{file}, line {changed[0] + 1}, is “{is_now}” (was “{was}”)"
 

@@ -326,7 +326,7 @@ def read_call(attributes: Mapping[str, str]) -> tuple[CallForm | None, str]:
     """Return a function in its form, and why the form cannot change it."""
     names = [name for name in FUNCTIONS if name in attributes]
     if not names:
-        return None, "it names no function that there is"
+        return None, "it names no known function"
     form = CallForm(
         names[0],
         attributes[names[0]].strip(),

@@ -120,7 +120,7 @@ def _make_state(place: FindingPlace) -> Iterator[Remedy]:
 def _give_start_value(place: FindingPlace) -> Iterator[Remedy]:
     if (use := place.use("key")) is not None:
         for value in _START_VALUES:
-            yield Remedy(f"let {use.name} begin as {value_text(value)}", SetStartValue(use.name, value))
+            yield Remedy(f"give {use.name} the start value {value_text(value)}", SetStartValue(use.name, value))
 
 
 def _make_key_writable(place: FindingPlace) -> Iterator[Remedy]:

@@ -263,8 +263,8 @@ def _check_settings(names: _RenamedName, study: StudyState) -> None:
     act = names.old if setting in before else names.new
     table = tables.find_sources(act)[setting]
     raise EditRefused(
-        f"in scenario.toml, {table.header} sets `{setting}` of `{act}` by how it is called, and that would change; "
-        f"choose a name that is like the old one there, or say it under [act.{toml_key(names.old)}] first"
+        f"in scenario.toml, {table.header} sets `{setting}` of `{act}` by its name, and the new name would "
+        f"change that; choose another name, or write the setting under [act.{toml_key(names.old)}] first"
     )
 
 
@@ -354,7 +354,7 @@ def _noticed(names: _RenamedName, study: StudyState, splices: list[Splice]) -> I
     raised = {mention.name for mention in names.draft.raised_topics}
     for event in names.events():
         if kind != "event" and event in raised:
-            yield f"`/{event}` is raised by hand, too; it is called otherwise there as well"
+            yield f"`/{event}` is also raised explicitly; it gets the new name there, too"
     if not names.old.isdecimal():  # an actionID; plain numbers are too common
         yield from comments_with(names.old, study.files, splices)
 

@@ -106,7 +106,7 @@ def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
         at = line.find("#")
         comment = line[at:].strip()
         if at >= 0 and not any(each.endswith(comment) for each in kept):
-            gone.append(f"the comment in {file.name}, line {number}, goes with it: {comment}")
+            gone.append(f"the comment in {file.name}, line {number}, is removed with it: {comment}")
     return tuple(gone)
 
 

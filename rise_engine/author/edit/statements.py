@@ -189,7 +189,7 @@ def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
     place, statement = statement_at(edit.at, study)
     if statement.template == "":
         check_changeable(place.where, statement.reason if statement.call is None else "")
-    says = (f"{place.where}: {statement_words(statement)} goes",)
+    says = (f"{place.where}: {statement_words(statement)} is removed",)
     return Plan((_removal(statement),), says=says)
 
 
@@ -271,7 +271,7 @@ def _remove_branch(branch: BranchPlace) -> Plan:
     written = branches[branch.number]
     check_changeable(branch.place.where, written.reason or branch.statement.reason)
     words = "else" if written.condition is None else f"if {written.condition}"
-    says = (f"{branch.place.where}: the branch {words} goes",)
+    says = (f"{branch.place.where}: the branch {words} is removed",)
     if len(branches) == 1:
         return Plan((_removal(branch.statement),), says=says)
     if branch.number == 0:

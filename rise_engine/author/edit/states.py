@@ -137,14 +137,14 @@ def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
     triggers = [name for name, value in (("event", form.event), ("ended", form.ended), ("after", form.after)) if value]
     if len(triggers) > 1:
         raise EditRefused(
-            f"a transition waits for one thing, and here are {' and '.join(triggers)}; make two transitions"
+            f"a transition waits for one thing, and this one has {' and '.join(triggers)}; make two transitions"
         )
     if not triggers and not form.condition:
         raise EditRefused("a transition waits for something: an event, the end of an act, a time, or a condition")
     if form.outcomes and not form.ended:
-        raise EditRefused("how an act ends is asked of a transition that waits for its end; name the act")
+        raise EditRefused("an outcome needs the act whose end the transition waits for; name the act")
     if form.held and not form.after:
-        raise EditRefused("what must hold for some time needs the time; without one it is a condition")
+        raise EditRefused("a condition that must hold for some time needs that time")
     return {
         "eventTopic": f"/{normal_topic(form.event)}" if form.event else None,
         "ended": form.ended or None,
@@ -276,9 +276,7 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
             splices = move_siblings(way.node, way.node, node, node, behind=not is_behind)
             says = f"{way.whose}: the transition {transition_words(way.written.form)} is number {to + 1} now"
             return Plan(splices, says=(says,))
-    raise EditRefused(
-        "a transition keeps its place among those beside it: a state tries its own before those that it shares"
-    )
+    raise EditRefused("a transition cannot move past this place: a state tries its own transitions before shared ones")
 
 
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {

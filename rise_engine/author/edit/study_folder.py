@@ -263,7 +263,7 @@ def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path],
         content = after.get(name)
         if content is None:
             if not os.access((folder / name).parent, os.W_OK):
-                raise PermissionError(13, "this folder may not be written by you", str((folder / name).parent))
+                raise PermissionError(13, "you may not write into this folder", str((folder / name).parent))
             continue
         _make_folders(target.parent, made)
         _write_beside(target, content)
@@ -285,7 +285,7 @@ def _write_beside(target: Path, data: bytes) -> None:
     """Write new content with the owner and permissions of the file that it will replace."""
     fresh = fresh_path(target)
     if target.exists() and not os.access(target, os.W_OK):
-        raise PermissionError(13, "this file may not be written by you", str(target))
+        raise PermissionError(13, "you may not write this file", str(target))
     fresh.unlink(missing_ok=True)
     with durable_file(fresh, new=True) as file:
         if target.exists():

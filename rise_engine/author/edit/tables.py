@@ -144,7 +144,7 @@ def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
         start = len(text[:start].rstrip("\r\n"))
     rows = [list(each.values) for each in table.rows]
     del rows[edit.row]
-    says = f"{_name(edit.table, edit.row, row)} goes: {_short(', '.join(filter(None, row.values)))}"
+    says = f"{_name(edit.table, edit.row, row)} is removed: {_short(', '.join(filter(None, row.values)))}"
     return _plan(table, [TextEdit(start, end, "")], rows, says)
 
 
@@ -240,7 +240,7 @@ def _value(written: str) -> str:
 
 def _check_row(values: list[str], table: _WrittenTable) -> None:
     if not any(values):
-        raise EditRefused(f"a row of {table.file.name} without any value would not be read; take the row out instead")
+        raise EditRefused(f"a row of {table.file.name} without any value would not be read; remove the row instead")
 
 
 def _name(table: str, number: int, row: TableRecord) -> str:

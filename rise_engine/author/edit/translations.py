@@ -57,7 +57,7 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
         after, was = changed_text(file.text, [_insertion(toml, text, entries, study.checked.texts)]), " (new)"
     else:
         after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{shorten(_said(before), _SHOWN)}”)"
-        was = ": it is right still" if _said(before) == value else was
+        was = ": it is still right" if _said(before) == value else was
     return Plan(splices=_splices(file, after), says=(says + was,))
 
 
@@ -158,7 +158,7 @@ def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
     try:
         TomlText(after)
     except EditRefused:
-        message = f"{file.name} is written in a way in which this cannot be put in; change it in an editor"
+        message = f"{file.name} is written in a way that cannot be changed here; change it with an editor"
         raise EditRefused(message) from None
     return file.splices(edits_between(file.text, after))
 

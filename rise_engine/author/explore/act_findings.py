@@ -223,8 +223,8 @@ def find_out_of_step(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="out-of-step",
             level="warning",
-            text=f"{rule} goes on from {state} at the end of {act} while another {act} is still waiting: of two, the "
-            "first end counts for both (`ended` waits for its own)",
+            text=f"{rule} goes on from {state} at the end of {act} while another {act} is still waiting: the "
+            "first end counts for both (`ended` waits for its own act)",
             location=explored.scenario.rules[rule].states[state].location,
             rule=rule,
             state=state,

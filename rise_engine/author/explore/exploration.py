@@ -280,13 +280,15 @@ def _looked_at(explored: Explored) -> Sequence[str]:
         merged = {name: first for name, first in stepper.moves.alike.items() if name != first}
         if merged:
             told.append(
-                "Taken for alike, because no rule speaks of them: "
+                "Treated as alike, because no rule mentions them: "
                 + ", ".join(f"{name} ({first})" for name, first in merged.items())
                 + "."
             )
     if stepper.moves.outside:
         told.append(
-            "From outside can come at any moment: " + ", ".join(f"/{topic}" for topic in stepper.moves.outside) + "."
+            "These events can come from outside at any moment: "
+            + ", ".join(f"/{topic}" for topic in stepper.moves.outside)
+            + "."
         )
     return told
 
@@ -297,5 +299,5 @@ _BEYOND = {
     "asked": "one more failed act could wait for an answer",
     "kept": "one more event could be kept",
     "values": "a memory key could have still other values",
-    "chance": "chance has more courses than were tried",
+    "chance": "chance could have more outcomes than were tried",
 }

@@ -97,7 +97,7 @@ def _mismatch_text(scenario: Scenario, followed: Sequence[Followed], reached: in
     step = followed[reached + 1]
     assert step.move is not None, "only the beginning is no move"
     text = move_text(scenario, step.move, followed[reached], step)
-    return f"no times were found at which step {reached + 1}, “{text}”, comes as it is told here"
+    return f"no timing was found that makes step {reached + 1}, “{text}”, happen as listed here"
 
 
 # --- one playback -----------------------------------------------------------------------------------------------------
@@ -331,7 +331,7 @@ def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str
         f"#   rise-engine serve {study} --tasks FILE   and in another terminal: rise-tui",
     ]
     if not played.is_certain:
-        lines += ["#", indent(f"Perhaps it does not go like this: {played.problem}.", "# ")]
+        lines += ["#", indent(f"This path could not be confirmed: {played.problem}.", "# ")]
     lines.append("")
     if played.condition:
         lines.append(written_line({"condition": played.condition}))

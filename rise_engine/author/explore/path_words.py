@@ -263,8 +263,8 @@ _ENDINGS = {
     "succeeded": "{act} ends",
     "failed": "{act} fails",
     "aborted": "the robot gives up {act}, or somebody else stops it",
-    "canceled": "the robot has stopped with {act}",
-    "accepted": "the robot begins or ends to speak in {act}",
+    "canceled": "the robot has stopped doing {act}",
+    "accepted": "the robot starts or stops speaking in {act}",
 }
 _ANSWERS = {"goOn": "go on", "repeatAct": "do it again", "stopRuleOfAct": "stop the rule"}
 _OTHERS = {
@@ -274,7 +274,7 @@ _OTHERS = {
     ("stopped", ""): "the robot has stopped",
     ("release", "leave"): "the wizard takes the stop back, without any rule",
     ("release", "enter"): "the wizard takes the stop back, and the rules enter their states again",
-    ("release", "wait"): "the wizard takes the stop back, and the rules wait where they stood",
+    ("release", "wait"): "the wizard takes the stop back, and the rules wait where they were",
     ("lost", ""): "the robot cannot be reached any more",
     ("back", ""): "the robot can be reached again",
 }
@@ -320,7 +320,7 @@ def _consequences(before: Followed, step: Followed) -> Iterator[str]:
         if "canceling" in phase and id in before.running and "canceling" not in before.running[id][1]:
             yield f"{name} is cut off"
         elif phase == "failing" and id == step.task:
-            yield "what else it does is broken off"
+            yield "the rest of it is broken off"
     for id, tasks in acts.items():
         yield from _act_texts(id in before.running, tasks)
     yield from others

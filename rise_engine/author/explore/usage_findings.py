@@ -31,7 +31,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
             yield ExploreFinding(
                 kind="never-started",
                 level="warning",
-                text=f"{rule.name} is never started: no key and no rule does it{within}",
+                text=f"{rule.name} is never started: no key and no rule starts it{within}",
                 location=rule.location,
                 rule=rule.name,
             )
@@ -70,7 +70,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
             yield ExploreFinding(
                 kind="not-met",
                 level="remark",
-                text=f"what {rule.name} does when an act fails was not met everywhere{within}: "
+                text=f"{rule.name} did not reach all its responses to a failed act{within}: "
                 + ", ".join(dict.fromkeys(for_faults)),
                 location=rule.location,
                 rule=rule.name,
@@ -82,7 +82,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
             yield ExploreFinding(
                 kind="never-done",
                 level="warning",
-                text=f"{act.name} is never done: no key starts it, and no rule comes to where it would{within}",
+                text=f"{act.name} is never done: no key starts it, and no rule gets to where it is started{within}",
                 location=act.location,
                 act=act.name,
             )

@@ -261,7 +261,7 @@ class OpenFilesProtocol(LanguageServerProtocol):
         except JsonRpcException as error:
             if "id" in data and "method" in data:
                 why = "; ".join(transform_error(error.__cause__)) if error.__cause__ is not None else str(error)
-                refusal = JsonRpcInvalidParams(f"this is no request {data['method']} of the protocol: {why}")
+                refusal = JsonRpcInvalidParams(f"this is not a request {data['method']} of the protocol: {why}")
                 self._send_response(data["id"], error=refusal.to_response_error())
             raise
 

@@ -115,8 +115,8 @@ class _Importer:
             if column not in columns:
                 near = did_you_mean(column, [each for each in columns if each], limit=0)
                 raise ExchangeError(
-                    f"the table has no column `{column}`{near or ';'} it says what a row is about, and of what it "
-                    "was made: export the table anew, and put the texts in"
+                    f"the table has no column `{column}`{near or ';'} it says what each row is about and which text "
+                    "it was made from: export the table again, and copy your texts into it"
                 )
         for column in ("text", *self.languages):
             if columns.count(column) > 1:
@@ -127,7 +127,7 @@ class _Importer:
         if further := [each for each in self.table.columns if each not in known]:
             yield (
                 f"not read: the {'column' if len(further) == 1 else 'columns'} "
-                f"{', '.join(f'`{each}`' for each in further)}; a new language is named, --language TAG"
+                f"{', '.join(f'`{each}`' for each in further)}; for a new language, add --language TAG"
             )
         if not self.languages and "text" not in self.table.columns:
             yield "the table has no column that is read: `text`, or a language"
@@ -182,7 +182,7 @@ class _Importer:
     def _change_text(self, row: ReadRow, text: SpokenText | TableText, said: str) -> Template | None:
         """Change the original text and return it; None: it is refused, or is in a table."""
         if not said:
-            self._refuse(row, text.id, "the text is empty; an act says something, or has no such action")
+            self._refuse(row, text.id, "the text is empty; write a text, or remove the action from the act")
             return None
         if isinstance(text, TableText):
             self.edits.append(SetCell(text.table.name, text.row, text.column, said))
@@ -222,7 +222,7 @@ class _Importer:
         if check is not None and text_check(given) == check:
             return  # only the study has changed it
         if not given:
-            self._refuse(row, text.id, f"the cell `{column}` is empty; “{shorten(now, _SHOWN)}” stays what it says")
+            self._refuse(row, text.id, f"the cell `{column}` is empty; the text stays “{shorten(now, _SHOWN)}”")
         elif check is None and now:
             why = f"the table does not say (in `check`) what `{column}` was; it is “{shorten(now, _SHOWN)}” now"
             self._refuse(row, text.id, f"{why}, and not changed")

@@ -263,7 +263,7 @@ def _decode(data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ExchangeError(
-            f"this file is not UTF-8 (byte 0x{data[error.start]:02X}), so letters such as ä are lost; save it anew "
+            f"this file is not UTF-8 (byte 0x{data[error.start]:02X}), so letters such as ä are lost; save it again "
             "as `CSV UTF-8` (Excel) or with the encoding `Unicode (UTF-8)` (LibreOffice), or as .xlsx"
         ) from None
 

@@ -155,9 +155,9 @@ COLUMNS = (
 )
 CAVEATS = (
     "Percent agreement does not know how often two would agree by chance. Kappa and alpha do: 0 is chance, 1 perfect. "
-    "Alpha is for any number of wizards, and for cues that some did not see. No value is good in itself; say it with "
-    "its interval and with the disagreements themselves. Where nearly all cues get the same decision, kappa is low "
-    "however well two agree.",
+    "Alpha is for any number of wizards, and for cues that some did not see. No value is good in itself; report it "
+    "with its interval and with the disagreements themselves. Where nearly all cues get the same decision, kappa is "
+    "low however well two agree.",
     "Doing nothing until the next cue counts as a decision. Decisions are compared by what was pressed: another act "
     "with the same meaning counts as a disagreement, and all free speech as the same.",
     "Latencies are from the cue to the key. The first wizard heard the participant and marked the cue; the others saw "

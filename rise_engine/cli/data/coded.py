@@ -117,7 +117,7 @@ def add(
         added=datetime.now().astimezone().isoformat(timespec="seconds"),
     )
     was_there = add_coded(session, entry, data)
-    lines = [*_lines(session, entry), *["it takes the place of the one that was there"] * was_there]
+    lines = [*_lines(session, entry), *["it replaces the earlier one"] * was_there]
     show(lines, {**_values(session, entry), "problems": document.problems}, as_json=as_json)
     print_notes(*(f"warning: {problem}" for problem in document.problems))
     return PARTIAL if document.problems else OK
@@ -149,11 +149,13 @@ def _find_clock(
         if name in known:
             return clock_of_file(known[name], data.outages, origin).as_coded(), "media"
     named = (
-        f"the recordings that it names ({', '.join(name for name, _ in document.media)}) are" if document.media else ""
+        f"align the recordings that it names first ({', '.join(name for name, _ in document.media)}; rise-engine media "
+        if document.media
+        else ""
     )
     raise SessionError(
-        f"where {path} lies against the session is not known: "
-        + (f"{named} not laid against it. rise-engine media add does that; or say" if named else "say")
+        f"{path} is not aligned with the session: "
+        + (f"{named}add), or use" if named else "use")
         + " --at SECONDS, the session second at which its times begin, or --at FILE=SESSION, one moment in both"
     )
 
@@ -190,7 +192,7 @@ def remove(session: Path, file: str) -> None:
     Exit status: 0; 1 if there is no such file; 2 if the session cannot be read.
     """
     remove_coded(session, Path(file).name)
-    print_lines(f"{Path(file).name} is no annotation file of {session.name} any more")
+    print_lines(f"{Path(file).name} is no longer an annotation file of {session.name}")
 
 
 def _lines(folder: Path, file: CodedFile) -> list[str]:
@@ -275,5 +277,5 @@ def _parse_seconds(part: str, text: str) -> float:
     except ValueError:
         seconds = float("nan")
     if not abs(seconds) < 1e7:
-        exit_with_usage(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
+        exit_with_usage(f"--at {text}: {part!r} is not a time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
     return seconds

@@ -238,14 +238,14 @@ def uncounted_text(left_out: Counter[str], of: str = "") -> str:
     """Return how many sessions are omitted because they are not data.
 
     >>> uncounted_text(Counter(pilot=2))
-    '2 sessions are not in the export (2 pilot): --all takes them in'
+    '2 sessions are not in the export (2 pilot): --all includes them'
 
     :param left_out: their number by the reason in a word.
     :param of: the study, after a space and "of"; empty: none.
     """
     counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
     verb = "is" if left_out.total() == 1 else "are"
-    return f"{pluralize(left_out.total(), 'session')}{of} {verb} not in the export ({counts}): --all takes them in"
+    return f"{pluralize(left_out.total(), 'session')}{of} {verb} not in the export ({counts}): --all includes them"
 
 
 def _why_left_out(session: StudySession) -> str:
@@ -260,7 +260,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     if request.out is None or request.out == "-":
         folder = selection.several and format.shape == "file-per-session"
         what = f"file, such as sessions{format.suffix}" if format.suffix and not folder else "folder"
-        raise ExportError(f"say where: -o names a new {what}")
+        raise ExportError(f"use -o with the name of a new {what}")
     folders = selection.folders
     context = export_context(folders, request.level)
     context.standing = selection.standing

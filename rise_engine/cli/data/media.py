@@ -204,18 +204,18 @@ def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> l
     after, before = [each for each in interruptions if each <= at], [each for each in interruptions if each > at]
     ends = [f"after {after[-1]:.1f} s" if after else "", f"before {before[0]:.1f} s" if before else ""]
     part = " and ".join(filter(None, ends))
-    return [f"the session was interrupted, which a camera does not know: this holds only for what was {part}"]
+    return [f"the session was interrupted, but not the recording: this alignment holds only {part}"]
 
 
 def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignment:
     """Align a file by the marks in its sound."""
     sounds = [each for each in marks if each.medium == "sound"]
     if not sounds and marks:
-        return Alignment(problem="the session's marks are flashes: look for them, and say --at FILE=markN")
+        return Alignment(problem="the session's marks are flashes: look for them, and use --at FILE=markN")
     if not sounds:
         return align_by_marks(sounds, [])
     if facts.has_sound is False:
-        return Alignment(problem="the file has no sound: say --at FILE=markN for a flash or a clap that can be seen")
+        return Alignment(problem="the file has no sound: use --at FILE=markN for a flash or a clap that can be seen")
     try:
         sound = Sound(path)
         return align_by_marks(sounds, find_marks(sound.blocks(), sound.rate))
@@ -229,7 +229,7 @@ def _by_start(folder: Path, path: Path) -> Alignment:
     for record in read_journal(folder / JOURNAL).read_records():
         started = isinstance(record, RecordingRecord) and record.status == "started" and record.path
         if started and (folder / started).absolute() == wanted:
-            remark = "by when its recorder was started, which is no time of its first picture: look for marks"
+            remark = "by when its recorder was started, which is not the time of its first frame: use --find-marks"
             return Alignment(-record.t, remarks=(remark,))
     return Alignment(problem="no marks or times are given: use --find-marks, or --at FILE=SESSION")
 
@@ -250,7 +250,7 @@ def list_media(session: Path, as_json: bool) -> int:
     missing = [each for each in files if not media_path(session, each).exists()]
     lines: list[str] = []
     for each in files:
-        gone = ["   IT IS NOT THERE: put it back, or rise-engine media remove"] if each in missing else []
+        gone = ["   THE FILE IS MISSING: put it back, or use rise-engine media remove"] if each in missing else []
         lines += [*_lines(each), *(f"   {line}" for line in position_lines(each, outages)), *gone]
     if others:
         lines += [f"on record, and not in {MEDIA_FILE} (rise-engine media add):", *(f"   {each}" for each in others)]
@@ -273,7 +273,7 @@ def remove(session: Path, file: str, as_json: bool) -> None:
     Exit status: 0; 1 there is no such file in the list, or several; 2 if the session cannot be read.
     """
     removed = remove_media(session, file)
-    said = f"{removed.path} is no recording of {session.name} any more; the file itself was not touched"
+    said = f"{removed.path} is no longer a recording of {session.name}; the file itself was not touched"
     show([said], _values(session, removed), as_json=as_json)
 
 
@@ -283,7 +283,7 @@ def remove(session: Path, file: str, as_json: bool) -> None:
 def _lines(file: MediaFile) -> list[str]:
     about = [file.name, file.kind, size_text(file.bytes) if file.bytes is not None else ""]
     about.append(_length_text(file.duration) if file.duration is not None else "")
-    about.append(f"{file.fps:g} pictures a second" if file.fps else "")
+    about.append(f"{file.fps:g} frames per second" if file.fps else "")
     return [f"{file.path}: {', '.join(filter(None, about))}"]
 
 
@@ -300,8 +300,8 @@ def position_lines(file: MediaFile, outages: Sequence[Outage]) -> list[str]:
     if file.has_drift:
         drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}"
     elif file.drift_within_ppm is not None:
-        drift = f", with no drift that can be told from none (within {file.drift_within_ppm:,.0f} ppm)"
-    by = {"marks": "by marks", "given": "as you have said", "start": "by when it was started", "": ""}
+        drift = f", with no measurable drift (within {file.drift_within_ppm:,.0f} ppm)"
+    by = {"marks": "by marks", "given": "as you entered it", "start": "by when it was started", "": ""}
     return [f"{begins}{drift} ({by[file.aligned_by]})"]
 
 
@@ -311,12 +311,12 @@ def _alignment_lines(file: MediaFile, found: Alignment, outages: Sequence[Outage
         for mark in file.marks:
             lines.append(
                 f"mark {mark.number}: {mark.media_at:.4f} s in the file, {mark.session_at:.4f} s of the session, "
-                f"{mark.strength:.1f} times above all else"
+                f"{mark.strength:.1f} times as strong as all else"
             )
     lines += position_lines(file, outages) if file.offset is not None else []
     if found.within is not None and found.offset is not None:
         ppm = f", and its drift to {found.rate_within_ppm:.0f} ppm" if found.rate_within_ppm is not None else ""
-        lines.append(f"that is known to {found.within * 1000:.0f} ms{ppm}: by how well the marks' own times are known")
+        lines.append(f"this is accurate to {found.within * 1000:.0f} ms{ppm}, as far as the marks' own times are known")
     if found.offset is not None:
         lines.append(f"time in the file = {file.offset:.4f} s + {file.rate:.8f} x session time")
     lines += [f"note: {each}" for each in found.remarks]

@@ -89,7 +89,7 @@ def redact_session(
 
 def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool) -> list[str]:
     if not report.changed:
-        lines = ["nothing was changed: the words stand in nothing that people said or typed"]
+        lines = ["nothing was changed: the words are in nothing that people said or typed"]
     elif try_only:
         lines = [
             f"would change {pluralize(report.lines, 'line')} of the journal, and it would replay; nothing was done"
@@ -111,7 +111,7 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
         lines.append(f"{said}: {longer}")
     lines += [f"erased {name}, which a recovery had kept of the old journal" for name in report.erased]
     if report.remains:
-        lines.append("the words still stand in:")
+        lines.append("the words are still in:")
         lines += [f"  {each}" for each in report.remains]
     return lines
 
@@ -189,4 +189,4 @@ def _suggestion_lines(found: Sequence[NameSuggestion]) -> list[str]:
         return ["no word was found that could be a name; look through the notes all the same"]
     width = min(30, max(len(each.word) for each in found))
     lines = [f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found]
-    return [*lines, "", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"]
+    return [*lines, "", "Only people know which of them are names: rise-engine redact SESSION --replace WORD=NAME1"]

@@ -175,7 +175,7 @@ def _on_robot(folder: Path, robot: str) -> OtherCourse:
 def _check_lines(check: ManifestCheck) -> list[str]:
     lines = [f"changed: {name}" for name in check.changed]
     lines += [f"missing: {name}" for name in check.missing]
-    lines += [f"not of the bundle: {name}" for name in check.unlisted]
+    lines += [f"not part of the bundle: {name}" for name in check.unlisted]
     lines += [f"unreadable: {sentence}" for sentence in check.unreadable]
     if check.whole:
         return [f"whole: {pluralize(check.files, 'file')} as they were"]
@@ -189,7 +189,7 @@ def _made_lines(found: Reproduction) -> list[str]:
     lines += [f"different: {each}" for each in derived.differences]
     if not found.same_version:
         lines.append(
-            f"the bundle was made with rise-tui {found.about.program}, and this is {__version__}: of tables, columns "
+            f"the bundle was made with rise-tui {found.about.program}, and this is {__version__}: only columns "
             "that both know are compared"
         )
         lines += [f"not compared: {each}" for each in derived.not_compared]
@@ -201,7 +201,7 @@ def _other_lines(other: OtherCourse, robot: str) -> list[str]:
     found = other.comparison
     if found is None:
         return [f"{other.name} on {robot}: cannot be run: {other.problem}"]
-    lines = [f"{other.name} on {robot} (simulated): {found.same} of {pluralize(found.acts, 'act')} end as they had"]
+    lines = [f"{other.name} on {robot} (simulated): {found.same} of {pluralize(found.acts, 'act')} end as before"]
     for differences in (found.acts_differ, found.rules_differ):
         lines += [f"  {each}" for each in differences[:_SHOWN]]
         if len(differences) > _SHOWN:
@@ -211,8 +211,8 @@ def _other_lines(other: OtherCourse, robot: str) -> list[str]:
     if found.longer:
         longer = "longer" if found.median_longer >= 0 else "shorter"
         lines.append(
-            f"  {pluralize(len(found.longer), 'act')} took other times: {abs(found.median_longer):.1f} s {longer} in "
-            "the median"
+            f"  {pluralize(len(found.longer), 'act')} took a different time: {abs(found.median_longer):.1f} s {longer} "
+            "in the median"
         )
     return lines
 

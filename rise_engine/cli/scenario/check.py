@@ -66,7 +66,9 @@ def check(
             f"{each.diagnostic.location}: silenced {each.diagnostic.code}: {each.diagnostic.message} "
             f"(reason: {each.reason})"
         )
-    found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if diagnostics else "no findings"
+    found = (
+        f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if diagnostics else "no errors or warnings"
+    )
     found += f", {len(silenced)} silenced" if silenced else ""
     lines.append(f"{found}{_contents_text(scenario)}")
     document = {
@@ -87,7 +89,7 @@ def _exploration_lines(exploration: Exploration) -> Iterator[str]:
             place = f"{finding.location}: " if finding.location is not None else ""
             yield f"{place}{finding.level} {finding.kind}: {finding.text}"
     yield from (*exploration.looked_at, *exploration.told)
-    yield "`rise-engine explore` looks at more, and shows the way to each finding."
+    yield "`rise-engine explore` looks at more, and shows the path to each finding."
 
 
 def _driver_diagnostics(folder: str, loaded: LoadResult, *, is_real: bool) -> list[Diagnostic]:

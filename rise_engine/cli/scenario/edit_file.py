@@ -131,7 +131,9 @@ def _make(
     written: tuple[str, ...] = ()
     programs = [] if allow_programs else sorted(set(_started_programs(state.files)) - set(_started_programs(before)))
     problem = (
-        f"the study would then start {'; '.join(programs)}. Read that; --allow-programs writes it" if programs else ""
+        f"the study would then start {'; '.join(programs)}. Read them, and add --allow-programs to allow them"
+        if programs
+        else ""
     )
     if not refused and not state.checked.errors and not problem and not dry_run:
         try:
@@ -146,7 +148,7 @@ def _make(
     elif not is_refused and dry_run:
         print(diff_of(before, state.files), end="")
     elif not is_refused:
-        print_lines(*change.says or ("nothing was to be changed",))
+        print_lines(*change.says or ("there was nothing to change",))
     if not as_json:
         print_notes(*_notes(change, refused, state.checked, name, problem))
     return REFUSED if is_refused else OK

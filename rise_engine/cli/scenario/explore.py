@@ -160,7 +160,7 @@ def _study_report(
 def _last_line(counts: dict[str, int], *, complete: bool, can_show: bool) -> str:
     """Count the findings."""
     told = ", ".join(pluralize(count, level) for level, count in counts.items())
-    part = "" if complete else "; not everything was looked at"
+    part = "" if complete else "; not everything was explored"
     return f"{told}{part}{'; `--show N` shows the path to number N' if can_show else ''}"
 
 
@@ -229,7 +229,7 @@ class _Progress:
         if self._shown and now >= self._next:
             self._next = now + _SECONDS_BETWEEN
             count, left = len(space.situations), len(space.pending)
-            print_notes(f"{count:,} situations, {left:,} still to look at (ctrl+c: tell what was found so far)")
+            print_notes(f"{count:,} situations, {left:,} still to look at (ctrl+c: report what was found so far)")
         return True
 
 
@@ -280,13 +280,13 @@ def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFin
         played = find_times(scenario, finding.path, exploration.bounds)
         if not played.is_certain:
             yield fill(
-                f"Perhaps it does not come like this: {played.problem}.",
+                f"This path could not be confirmed: {played.problem}.",
                 _WIDTH,
                 initial_indent="      ",
                 subsequent_indent="      ",
             )
     else:
-        yield "      there is no single way to it"
+        yield "      no single path leads to it"
 
 
 def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:

@@ -33,7 +33,7 @@ class CheckedHeaders:
             shown = line[:80].decode(errors="replace").rstrip("\r\n")
             raise ExchangeError(
                 f"the header {shown!r} cannot be understood: `Content-Length: ` and the number of bytes was expected, "
-                "ended by CR LF. The connection ends, because nobody can say where the next message begins"
+                "ended by CR LF. The connection ends, because nothing shows where the next message begins"
             )
         return line
 

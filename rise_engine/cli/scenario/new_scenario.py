@@ -52,7 +52,9 @@ def new(folder: str | None, template: str | None, study: str | None, title: str,
     if (folder is None or template is None) and sys.stdin.isatty():
         folder, template, title, robot = _ask(folder, template, title, robot)
     if folder is None or template is None:
-        exit_with_usage("say where and from what, as in: rise-engine new my-study --from lablinking (--list shows all)")
+        exit_with_usage(
+            "name a folder and a study, as in: rise-engine new my-study --from lablinking (--list shows all)"
+        )
     if template != BLANK:
         if title or robot:
             exit_with_usage("--title and --robot are for --template blank; a copied study has both, in scenario.toml")

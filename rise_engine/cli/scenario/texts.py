@@ -93,7 +93,7 @@ def export(folder: str, output: str | None, languages: tuple[str, ...], only: On
         with Path(output).open("xb") as file:
             file.write(data)
     except FileExistsError:
-        exit_with_usage(f"there is a file {output} already; nothing is written over")
+        exit_with_usage(f"there is a file {output} already; name a new one")
     except OSError as error:
         raise not_written(output, error) from None
     print_lines(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
@@ -139,7 +139,7 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
     :raises EditRefused: they cannot be made, or saved.
     """
     if not found.edits:
-        return ": nothing is to be changed"
+        return ": there is nothing to change"
     change = workspace.apply(*found.edits)
     saved: tuple[str, ...] = ()
     try:

@@ -250,7 +250,7 @@ def _run_virtual(options: RunOptions) -> int:
             if options.until is None and now > horizon and session.status != exit_status.ENDLESS:
                 session.end_as_endless(
                     f"after {now / 3600:.0f} hours of session time something still goes on by itself; "
-                    "say how long to run: --until SECONDS"
+                    "limit the run: --until SECONDS"
                 )
             if interrupts and session.status != exit_status.INTERRUPTED:
                 session.interrupt()

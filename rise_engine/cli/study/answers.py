@@ -270,5 +270,5 @@ AUTOMATIC_CHECKS = Question(
     "--auto",
     f"Look at {NOTHING_TEXT}",
     parse_automatic,
-    "What is the program to look at before each session? Words with commas between them.",
+    "What should the program check before each session? Write words with commas between them.",
 )

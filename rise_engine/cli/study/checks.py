@@ -150,7 +150,7 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
         ids = [each.id for each in study.checks if each.when == when]
         problems.append(f"{option} {id}: the study has no such check{did_you_mean(id, ids)}")
     elif check.when != when:
-        problems.append(f"{option} {id}: this is looked at {check.when} a session ({check_text(check)})")
+        problems.append(f"{option} {id}: this check is made {check.when} a session ({check_text(check)})")
         return None
     return check
 

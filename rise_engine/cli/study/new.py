@@ -123,7 +123,7 @@ def new(folder: str, **given: Any) -> int:
     to_fix = "errors" if errors else "a problem" if problems == 1 else "problems" if problems else ""
     print_lines(
         "",
-        f"{folder} is there{f', with {to_fix} that you must fix' if to_fix else ''}.",
+        f"{folder} was made{f', with {to_fix} that you must fix' if to_fix else ''}.",
         *(
             f"{copy_sentence(str(path / name), shipped_name(source) or str(source))}."
             for name, source in made.sources.items()
@@ -156,7 +156,7 @@ class _Conversation:
         """Ask everything about the study; None: the user does not want to write it."""
         self.say(
             f"A new study in {self.folder}. Enter takes the value in [brackets]; ctrl+c ends, and nothing is "
-            "written before you have said so at the end. Everything can be changed in study.toml later."
+            "written until you confirm it at the end. Everything can be changed in study.toml later."
         )
         given, usual = self.given, self.folder.resolve().name
         title: str = self.put(answers.TITLE, usual, given["title"])
@@ -316,7 +316,7 @@ class _Conversation:
             answers.parse_level_names(", ".join(level.name for level in levels))
         if (same := answers.same_levels(levels)) and name not in self.label_only:
             exit_with_usage(
-                f"--factor {written}: in {in_backquotes(same)} the robot does the same; say "
+                f"--factor {written}: in {in_backquotes(same)} the robot does the same; use "
                 f"--label-only {name} if people make the difference"
             )
         return self.make_factor(name, parsed, levels)
@@ -329,7 +329,7 @@ class _Conversation:
             strata[column] = values
         if self.asks and not strata:
             self.say(
-                "Are there groups of people in each of which the conditions are to be equally frequent, as people who "
+                "Are there groups of people that should each get all conditions equally often, such as people who "
                 "speak German and English? Write a word and its values: language: de, en"
             )
             first, others = "Groups (Enter: none)", "Next groups (Enter: no more)"

@@ -28,7 +28,7 @@ from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 
 _PROBLEMS = (
-    "nothing is planned as long as sessions have problems. Correct them, or give a reason for making the plan anyway: "
+    "no plan is made while sessions have problems. Correct them, or give a reason for making the plan anyway: "
     "rise-engine study plan --anyway REASON"
 )
 
@@ -97,7 +97,11 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
     print_lines(*review.diagnostics)
     for name in review.left_out:
         print_lines(f"{name} was not checked: {STUDY_FILE} describes it, and has errors")
-    found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
+    found = (
+        f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}"
+        if review.diagnostics
+        else "no errors or warnings"
+    )
     found += " in the files" * bool(look is not None and look.findings)
     print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
     print_lines(*look_lines(look))
@@ -124,7 +128,7 @@ def _print_proof(path: Path) -> bool:
         print_lines(*proof_lines(session))
     proved = sum(each.proved for each in found)
     print_lines(
-        f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
+        f"{proved} of {pluralize(len(found), 'session')} proved: the record follows from its inputs, and "
         f"{agreement_text(compared_files(state), found)}",
         *(f"not proved: {each}" for each in NOT_PROVED),
     )
@@ -178,7 +182,7 @@ def plan(study: Path, again: str | None, anyway: str | None) -> None:
         exit_with_usage("--anyway needs a reason: rise-engine study plan --anyway 'that rule ends with the session'")
     loaded = load_study(study)
     if loaded.study is None:
-        raise Refused("nothing is planned as long as the study has errors", findings=loaded.diagnostics)
+        raise Refused("no plan is made while the study has errors", findings=loaded.diagnostics)
     print_notes(*loaded.diagnostics)
     participants = load_participants(loaded.study).participants
     if again is not None or last_planned(read_log(study)) is None:
@@ -233,8 +237,8 @@ NOT_PROVED = (
     "that participants.csv, questionnaires, coded.json (annotations) and media.json (recordings) hold what people "
     "gave: nothing else records it",
     "that study.jsonl has everything that people decided after a session: no session has a copy of it",
-    "that times of day are right: only when sessions began and how long outages lasted were compared, where there are "
-    "dates",
+    "that times of day are right: only the starts of sessions and the lengths of outages were compared, where there "
+    "are dates",
 )
 """What replays and comparisons do not prove, even without differences. The second: a line removed from the log."""
 

@@ -45,7 +45,7 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     """
     study = Path(folder)
     if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
-        exit_with_usage(f"{folder} is no study: it has no {STUDY_FILE}")
+        exit_with_usage(f"{folder} is not a study: it has no {STUDY_FILE}")
     plan = plan_withdrawal(study, participant)
     keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
     print_lines(*_plan_lines(plan, reassignments(read_log(study))))
@@ -83,7 +83,7 @@ def _slot_afterwards(study: Path, participant: str) -> str:
 
 
 def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list[str]:
-    lines = [f"this is erased of {plan.participant}, and cannot be brought back:"]
+    lines = [f"this will be erased about {plan.participant}, and cannot be restored:"]
     lines += _indent(
         [f"session {name}" + (f", {moved[name].sentence}" if name in moved else "") for name in plan.sessions]
     )
@@ -91,7 +91,7 @@ def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list
     for path, others in plan.exports.items():
         what = "export folder, with everything in it:" if path in plan.export_folders else "export"
         lines += _indent([f"{what} {path}" + (f", which also holds {', '.join(others)}" if others else "")])
-    return [*lines, *_indent(["what study.jsonl says about them, but for a salted hash"])]
+    return [*lines, *_indent(["what study.jsonl says about them, except a salted hash"])]
 
 
 def _ask(participant: str) -> None:
@@ -100,7 +100,7 @@ def _ask(participant: str) -> None:
         exit_with_usage("without a terminal, use --yes to do it. Nothing was erased")
     typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)
     if typed.strip() != participant:
-        raise Refused("that is another one; nothing was erased")
+        raise Refused("that is another pseudonym; nothing was erased")
 
 
 def _indent(lines: Sequence[str]) -> list[str]:

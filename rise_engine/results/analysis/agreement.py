@@ -141,7 +141,7 @@ def _disagreement(counts: Counter[Value]) -> int:
 
 def _one_category(value: object) -> str:
     return (
-        f"all of them always chose the same ({value}), so agreement cannot be told from habit: "
+        f"all of them always chose the same ({value}), so agreement cannot be distinguished from habit: "
         "the number is not defined"
     )
 

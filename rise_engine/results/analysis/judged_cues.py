@@ -179,7 +179,9 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
     problems += [f"{data.facts.session}: {problem}" for each in shadows for problem in each.problems]
     session.remarks += [each.replace(str(data.folder), data.facts.session) for each in problems]
     if len(live) > 1:
-        session.remarks.append(f"{len(live)} wizards ran {data.facts.session}; what they did is counted as one's")
+        session.remarks.append(
+            f"{len(live)} wizards ran {data.facts.session}; their actions count as those of one wizard"
+        )
     if data.facts.speed != 1:
         told = f"{session.live} ran {data.facts.session} at {data.facts.speed:g} times real time"
         session.remarks.append(f"{told}: no latencies of that wizard")
@@ -307,7 +309,7 @@ def _judges(
         if shadow.header.wizard in live:
             judge = f"{judge} (again)"
         if judge in found:
-            session.remarks.append(f"{judge} judged {name} more than once; what counts is the last time to the end")
+            session.remarks.append(f"{judge} judged {name} more than once; the last complete time counts")
         if judge not in found or shadow.complete or not found[judge].complete:
             found[judge] = shadow
     for judge, shadow in found.items():

@@ -366,7 +366,7 @@ def read_annotations(
         try:
             spans = read_spans(folder, file)
         except SessionError as error:
-            problems.append(f"what was annotated in {file.name} is left out: {error}")
+            problems.append(f"the annotations in {file.name} are left out: {error}")
             continue
         found += [coded_annotation(each, file, level, speech, interruptions) for each in spans]
     return tuple(sorted(found, key=lambda each: each.begin))

@@ -71,7 +71,7 @@ def read_about(root: Path) -> AboutBundle:
 PYTHON = (3, 11)
 """The oldest supported Python (pyproject.toml)."""
 _LEVELS: dict[ExportLevel, str] = {
-    "full": "Everything is told as it was recorded. This is an archive. Do not publish it.",
+    "full": "Everything is included as it was recorded. This is an archive. Do not publish it.",
     "shared": "For other researchers: no dates and times of day, no notes and reasons that people typed, no names of "
     "wizards, and nothing that the scenario declares private.",
     "public": "For everybody: no dates and times of day, no notes and reasons that people typed, no names of wizards, "

@@ -174,15 +174,15 @@ def _table_difference(before: bytes, after: bytes, separator: str, same_version:
         return "it has no columns" if new else None
     if same_version and old[0] != new[0]:
         missing = [each for each in new[0] if each not in old[0]] or [each for each in old[0] if each not in new[0]]
-        return f"its columns are others ({', '.join(missing) or 'in another order'})"
+        return f"its columns differ ({', '.join(missing) or 'in another order'})"
     shared = [(old[0].index(name), new[0].index(name), name) for name in new[0] if name in old[0]]
     for number, (row, again) in enumerate(zip(old[1:], new[1:], strict=False), start=2):
         for there, here, name in shared:
             found, follows = _at(row, there), _at(again, here)
             if found != follows:
-                return f"line {number}, column {name}: {_quoted(found)} is there, and {_quoted(follows)} follows"
+                return f"line {number}, column {name}: the bundle has {_quoted(found)}, the new one {_quoted(follows)}"
     if len(old) != len(new):
-        return f"it has {len(old) - 1} rows, and {len(new) - 1} follow"
+        return f"the bundle has {len(old) - 1} rows, the new one {len(new) - 1}"
     return None
 
 
@@ -199,8 +199,8 @@ def _line_difference(before: bytes, after: bytes) -> str:
     for number, (line, again) in enumerate(zip(old, new, strict=False), start=1):
         if line != again:
             found, follows = _around(line, again)
-            return f"line {number}: {_quoted(found)} is there, and {_quoted(follows)} follows"
-    return f"it has {len(old)} lines, and {len(new)} follow"
+            return f"line {number}: the bundle has {_quoted(found)}, the new one {_quoted(follows)}"
+    return f"the bundle has {len(old)} lines, the new one {len(new)}"
 
 
 def _around(line: str, again: str) -> tuple[str, str]:
@@ -279,13 +279,13 @@ def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -
         found.open.append(f"{STUDY_FILE}: no session says with which one it was run")
     elif not same and planned is not None and planned.get("design_hash") == study.design_hash:
         found.open.append(
-            f"{STUDY_FILE}: no session was run with it; what the plan fixes is as {LOG_FILE} says, and the rest "
+            f"{STUDY_FILE}: no session was run with it; the parts that the plan fixes match {LOG_FILE}, but the rest "
             "(title, checks, robot, recording, ...) was changed after the last session, or in the bundle"
         )
     elif not same:
         found.problems.append(
-            f"{STUDY_FILE}: no session was run with it: they say {told[-1].labels['study_hash'][:16]}..., and it is "
-            f"{study.hash[:16]}...; it was changed after the last session, or in the bundle"
+            f"{STUDY_FILE}: no session was run with it: their hash is {told[-1].labels['study_hash'][:16]}..., and "
+            f"its hash is {study.hash[:16]}...; it was changed after the last session, or in the bundle"
         )
     else:
         found.proved.append(

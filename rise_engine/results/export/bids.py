@@ -240,10 +240,11 @@ class _Dataset:
     def _readme(self) -> str:
         sessions = sum(len(person.rows) for person in self._people.values())
         what = {
-            "full": "Everything is told, as it was recorded: what people wrote, too, and when the sessions were.",
-            "shared": "There are no dates, no notes and no names of wizards; what is private is shown as its name.",
-            "public": "There are no dates, no notes, no names of wizards, and no words that wizards said freely; what "
-            "is private is shown as its name.",
+            "full": "Everything is included as it was recorded, also notes and times of day.",
+            "shared": "There are no dates, no notes and no names of wizards; private values are shown as the names of "
+            "their keys.",
+            "public": "There are no dates, no notes, no names of wizards, and no words that wizards said freely; "
+            "private values are shown as the names of their keys.",
         }[self._context.level]
         study = self._context.study
         lines = [
@@ -263,7 +264,7 @@ class _Dataset:
             + (
                 "the session folders themselves, which rise-tui replays."
                 if self._context.level == "full"
-                else "the records of the sessions, one JSON object a line, as this level tells them."
+                else "the records of the sessions, one JSON object a line, at this level."
             ),
         ]
         lines += ["", UNSAFE]

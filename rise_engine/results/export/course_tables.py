@@ -368,12 +368,12 @@ CODED = TableSchema(
         seconds(
             "robot_overlap_s",
             "For the participant's speech: seconds in which the robot spoke too, that is, from the confirmation of a "
-            "speech action to its end. Empty with outage_s: nobody knows what the robot said then.",
+            "speech action to its end. Empty with outage_s: it is unknown what the robot said then.",
         ),
         seconds(
             "gap_s",
             "For the participant's speech: from the end of the robot's last utterance before begin, to begin. "
-            "Negative: the robot was still speaking. Empty: the robot had said nothing, nobody knows when it fell "
+            "Negative: the robot was still speaking. Empty: the robot had said nothing, it is unknown when it fell "
             "silent, or an outage lies between.",
             minimum=None,
         ),

@@ -148,7 +148,7 @@ def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> 
         else:
             warnings.append(
                 f"{data.facts.session}: the place of {file.path} on the session's clock is not known, so it is not "
-                "linked; `rise-engine media add` with --find-marks or --at says it"
+                "linked; align it with `rise-engine media add`, by --find-marks or --at"
             )
     return sorted(found, key=lambda file: (file.kind != first, not _rate_is_measured(file)))
 
@@ -159,26 +159,26 @@ def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Outage, 
     if gaps:
         times = ", ".join(f"{gap.seconds:.1f} s at {gap.at:.1f} s" for gap in gaps)
         warnings.append(
-            f"{session}: it had no engine for a while ({times}); what happened after that is moved by as much, by the "
+            f"{session}: it had no engine for a while ({times}); later annotations are moved by as much, by the "
             "computer's clock, as the recordings went on"
         )
     for file in files:
         if gaps and len({seconds_away(gaps, mark.session_at) for mark in file.marks}) > 1:
             warnings.append(
-                f"{session}: marks before and after that have laid {file.path}, which cannot be right for both; lay "
-                "it by those of one side (`rise-engine media add --at`)"
+                f"{session}: marks before and after that have aligned {file.path}, which cannot be right for both; "
+                "align it by those of one side (`rise-engine media add --at`)"
             )
         if not _path(data, file).exists():
             warnings.append(f"{session}: {file.path} is not there now; it is linked where it was")
         if file.aligned_by == "start":
             warnings.append(
-                f"{session}: {file.path} is laid by when its recorder was started, which can be off by a second; "
-                "`rise-engine media add --find-marks` lays it by its marks"
+                f"{session}: {file.path} is aligned by when its recorder was started, which can be off by a second; "
+                "`rise-engine media add --find-marks` aligns it by its marks"
             )
         if not _rate_is_measured(file) and max(data.facts.duration, file.duration or 0.0) > LONG_SECONDS:
             warnings.append(
-                f"{session}: how much faster or slower the clock of {file.path} runs was not measured, and it is "
-                "longer than 20 minutes; two marks far apart in it say so (`rise-engine media add --find-marks`)"
+                f"{session}: the drift of {file.path} was not measured, and it is "
+                "longer than 20 minutes; measure it with two marks far apart (`rise-engine media add --find-marks`)"
             )
         apart = abs(file.rate - leader.rate) * data.facts.duration
         if apart > FRAME_SECONDS:

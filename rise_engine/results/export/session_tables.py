@@ -95,7 +95,7 @@ FACTS = (
     Column("condition", "The condition: the levels of all factors, joined by +.", _fact("condition")),
     Column("mode", "The mode of the session.", _fact("mode"), levels=MODES),
     Column("purpose", "Why the session was run; empty: it belongs to no study.", _fact("purpose"), levels=PURPOSES),
-    Column("outcome", "Whether the session counts; empty: nobody said.", _fact("outcome"), levels=OUTCOMES),
+    Column("outcome", "Whether the session counts; empty: undecided.", _fact("outcome"), levels=OUTCOMES),
 )
 """The session's facts in every row of every table. The factors follow them."""
 SESSIONS = TableSchema(

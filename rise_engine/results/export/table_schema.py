@@ -28,7 +28,7 @@ ACTION_STATUS = {
     "failed": "the robot could not do it",
     "canceled": "stopped before it was complete",
     "timed-out": "the robot reported no end in time",
-    "lost": "nobody knows what became of it",
+    "lost": "its outcome is unknown",
     "skipped": "never begun",
 }
 ACTORS = {

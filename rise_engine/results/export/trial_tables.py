@@ -184,9 +184,7 @@ TRIALS = TableSchema(
             minimum=1,
         ),
         moment("asked_at", "the robot confirmed its first action that uses the voice. The first sound comes later."),
-        moment(
-            "asked_end", "its last action that uses the voice ended; empty: not said to its end, or nobody knows when."
-        ),
+        moment("asked_end", "its last action that uses the voice ended; empty: not said to its end, or unknown."),
         moment("cue_at", "the first cue from asked_at on was marked. Cues that were taken back do not count."),
         seconds(
             PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None

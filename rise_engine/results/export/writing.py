@@ -167,7 +167,7 @@ def new_export(
             for note in notes:
                 note.confirm(until_it_is_in_place, digest)
     except FileExistsError:
-        raise ExportError(f"{path} is there already, and nothing is ever written over: name another one") from None
+        raise ExportError(f"{path} is there already, and files are never overwritten: name another one") from None
     except OSError as error:
         if isinstance(error, FileNotFoundError | NotADirectoryError) and not path.parent.is_dir():
             raise ExportError(f"{path} cannot be made: there is no folder {path.parent}") from None

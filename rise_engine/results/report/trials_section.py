@@ -256,7 +256,7 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Se
 def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
         if not left_out_answers(facts):
-            yield Paragraph("No act answered a cue, so nobody knows how long the participant waited.")
+            yield Paragraph("No act answered a cue, so we cannot tell how long the participant waited.")
     else:
         yield latency_figure(facts)
         yield ReportTable(

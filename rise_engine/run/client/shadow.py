@@ -77,7 +77,7 @@ def start_time(folder: Path, text: str) -> float:
         except ValueError:
             seconds = -1.0
         if not 0 <= seconds < float("inf"):
-            raise SessionError(f"`{text}` is no time: seconds of the session (12.5), `mark`, or `mark2`")
+            raise SessionError(f"`{text}` is not a time: seconds of the session (12.5), `mark`, or `mark2`")
         return seconds
     marks = {
         record.number: record.t

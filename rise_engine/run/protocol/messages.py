@@ -284,7 +284,7 @@ def decode_client_message(data: bytes) -> ClientMessage:
     try:
         return _decoder(ClientMessage).decode(data)  # type: ignore[no-any-return]
     except (ValueError, RecursionError, OverflowError) as error:
-        raise ValueError(f"this line is no message of the protocol: {error}") from None
+        raise ValueError(f"this line is not a message of the protocol: {error}") from None
 
 
 def decode_server_message(data: bytes) -> ServerMessage:

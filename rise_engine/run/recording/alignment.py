@@ -83,7 +83,7 @@ def align_by_marks(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> 
     :return: without an offset if no match fits, or several do.
     """
     if not marks:
-        return Alignment(problem="the session has no mark that could be heard: say --at FILE=SESSION for a moment")
+        return Alignment(problem="the session has no mark that could be heard: use --at FILE=SESSION for a moment")
     if not heard:
         return Alignment(problem=f"none of the session's {pluralize(len(marks), 'mark')} was found in the file")
     for limit in (USUAL_DRIFT, LARGEST_DRIFT):
@@ -164,16 +164,14 @@ def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignme
         found = FoundMark(mark.number, mark.at, round(sound.at, 6), round(sound.strength, 1))
         return Alignment(sound.at - mark.at, 1.0, (found,), mark.within, tuple(remarks))
     if not possible:
-        return Alignment(
-            problem=f"what was found at {_times(heard)} does not match the sweep of any mark of this session"
-        )
+        return Alignment(problem=f"the sound at {_times(heard)} does not match the sweep of any mark of this session")
     if len(heard) == 1:
         numbers = " or ".join(str(mark.number) for mark, _ in possible)
-        return Alignment(problem=f"the mark at {_times(heard)} can be mark {numbers}: say --at FILE=markN")
+        return Alignment(problem=f"the mark at {_times(heard)} can be mark {numbers}: use --at FILE=markN")
     given = ", ".join(f"mark {mark.number} at {mark.at:.1f} s" for mark in sorted(marks, key=lambda mark: mark.at))
     return Alignment(
         problem=f"{pluralize(len(heard), 'mark')} found, at {_times(heard)}, and no two of them lie as far apart as "
-        f"those of this session ({given}): they are of other sessions, or the file was cut. If you know one, say "
+        f"those of this session ({given}): they are of other sessions, or the file was cut. If you know one, use "
         "--at FILE=markN"
     )
 
@@ -183,12 +181,12 @@ def _several_fit(found: Sequence[Sequence[_Pair]]) -> str:
     starts = sorted({pairs[0][1].at: pairs[0][1] for pairs in found}.values(), key=lambda each: each.at)
     if len(starts) > 1:
         return (
-            f"mark {number} can be any of those at {_times(starts)}, because the others fit each of them: say which "
+            f"mark {number} can be any of those at {_times(starts)}, because the others fit each of them; choose "
             f"with --at FILE=mark{number}"
         )
     ends = sorted({pairs[-1][1].at: pairs[-1][1] for pairs in found}.values(), key=lambda each: each.at)
     last = found[0][-1][0].number
-    return f"mark {last} can be any of those at {_times(ends)}: say which with --at FILE=mark{last}"
+    return f"mark {last} can be any of those at {_times(ends)}; use --at FILE=mark{last} to choose"
 
 
 def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
@@ -202,7 +200,7 @@ def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
     moments = sorted(moments, key=lambda each: each.session_at)
     long = moments[-1].session_at - moments[0].session_at
     if long <= 0:
-        return Alignment(problem="two moments of the session have to differ: say others")
+        return Alignment(problem="the two moments of the session must differ: use others")
     offset, rate = fit_line([(each.session_at, each.media_at) for each in moments])
     worst = max(abs(each.media_at - offset - rate * each.session_at) for each in moments)
     if abs(rate - 1) > LARGEST_DRIFT + 0.2 / long or worst > 0.5:

@@ -164,7 +164,7 @@ class MarkerFeed:
             f"from {max(session.now(), 0.0):.1f} s of the session on"
         )
         if session.view.t > 0 and session.view.tasks:
-            _LOG.warning("what happened before is not sent; `rise-engine export --format xdf` has all of it afterwards")
+            _LOG.warning("earlier events are not sent; `rise-engine export --format xdf` has all of it afterwards")
         if self._plan.payload == "json":
             _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 

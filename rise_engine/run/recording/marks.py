@@ -96,7 +96,7 @@ async def give_mark(
             await session.mark_sync(number, "flash")
             if session.view.control is None:
                 await session.add_note(
-                    f"mark {number} was to be seen on consoles, and no console has control: perhaps none is attached"
+                    f"mark {number} should flash on consoles, but no console has control: perhaps none is attached"
                 )
             return GivenMark(number)
         tried = [settings.play] if settings.play else [*(PLAYERS if players is None else players)]
@@ -168,7 +168,7 @@ async def _play(command: Sequence[str], deadline: float) -> _Played:
             status = await process.wait()
         ended = monotonic()
     except TimeoutError:
-        return _Played(begun, monotonic(), f"{name} did not come to an end within {PLAY_SECONDS:g} s")
+        return _Played(begun, monotonic(), f"{name} did not end within {PLAY_SECONDS:g} s")
     finally:
         if process.returncode is None:
             with suppress(ProcessLookupError):
@@ -185,6 +185,6 @@ async def _play(command: Sequence[str], deadline: float) -> _Played:
 
 def _no_player(tried: Sequence[Sequence[str]]) -> str:
     if len(tried) == 1:
-        return f"there is no program {tried[0][0]!r}; say another one in study.toml: sync = {{ play = [...] }}"
+        return f"there is no program {tried[0][0]!r}; name another one in study.toml: sync = {{ play = [...] }}"
     names = ", ".join(each[0] for each in tried)
-    return f'no program that plays sounds is installed ({names}); install one, or say sync = {{ medium = "flash" }}'
+    return f'no program that plays sounds is installed ({names}); install one, or write sync = {{ medium = "flash" }}'

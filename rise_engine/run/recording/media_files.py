@@ -348,5 +348,5 @@ class Sound:
 
 def _why_no_sound(path: Path, said: str) -> str:
     if "matches no streams" in said:
-        return f"{path} has no sound: say --at FILE=markN for a flash or a clap that can be seen"
+        return f"{path} has no sound: use --at FILE=markN for a flash or a clap that can be seen"
     return f"{path} has no sound that ffmpeg can read: {clean(said.rpartition(chr(10))[2])}"

@@ -216,7 +216,7 @@ class SupervisedRecorder:
         watch = GrowthWatch(stalled_after, loop.time())
         while not await _wait(finish, self.look_seconds):
             try:
-                status = await call_within(CALL_SECONDS, recorder.status(), "its state", finish)
+                status = await call_within(CALL_SECONDS, recorder.status(), "for its state", finish)
             except RecorderError as error:
                 if finish.is_set():
                     break

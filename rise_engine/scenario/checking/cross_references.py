@@ -98,8 +98,8 @@ def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         # A missing act already has an error, unless some acts could not be read.
         if end.act in draft.acts or "acts" in draft.unreadable_parts:
             message = (
-                f"never taken: this rule does not start `{end.act}` itself; an act that somebody else has "
-                f'started is waited for with eventTopic="/{end.act}_end"'
+                f"never taken: this rule does not start `{end.act}` itself; to wait for an act that something "
+                f'else starts, write eventTopic="/{end.act}_end"'
             )
             diagnostics.warning("unreachable-transition", end.location, message)
 
@@ -138,7 +138,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
     by_missing = {name + ending for name in missing for ending in ACT_END_SUFFIXES}
     known = own | by_engine
-    suggest_topic = _remember_suggestions(known, "; something outside must")
+    suggest_topic = _remember_suggestions(known, "; another program must do it")
     for mention in draft.awaited_topics:
         name = mention.name
         if name in own or name in by_engine or name in by_missing:  # missing names already have a diagnostic
@@ -166,7 +166,7 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     own = {SESSION: draft.session_keys} if draft.session_keys else {}
     paths = MemoryPaths({**draft.memory, **own, **tables}, written)
     suggest_key = _remember_suggestions(draft.settable_keys | tables.keys())
-    suggest_read = _remember_suggestions(draft.settable_keys | tables.keys(), "; something outside must")
+    suggest_read = _remember_suggestions(draft.settable_keys | tables.keys(), "; another program must do it")
     is_known, reading_problem = cache(paths.is_known), cache(paths.reading_problem)
     for mention in draft.key_writes:
         if mention.name.partition(".")[0] not in tables and (problem := paths.writing_problem(mention.name)):

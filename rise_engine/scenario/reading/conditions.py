@@ -125,7 +125,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
     memory = inner.subtable("memory", "`memory` says the values that the condition sets: memory = { KEY = VALUE }")
     values: dict[str, Json] = {} if memory is None else memory.values
     if label_only and values:
-        message = f"the condition `{name}` sets something, so it is not `label_only`; leave one of both out"
+        message = f"the condition `{name}` sets something, so it is not `label_only`; remove one of the two"
         inner.report_key("wrong-value", message, "label_only")
     elif not label_only and not values and memory is not None:
         message = f"the condition `{name}` sets nothing; {how_to_write(name)}"
@@ -229,8 +229,8 @@ class _ConditionCheck:
             head = _head(mention.name)
             if head in conditions:
                 message = (
-                    f"this changes `{head}`, which makes the condition `{conditions[head]}`: the session would no "
-                    "longer be run in the condition that its record names"
+                    f"this changes `{head}`, which the condition `{conditions[head]}` sets: the session would no "
+                    "longer run in the condition that its record names"
                 )
                 self.diagnostics.warning("condition-changed", mention.locate(), message)
 

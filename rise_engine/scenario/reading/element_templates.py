@@ -208,13 +208,15 @@ class _TemplateReader(ElementReader):
         self.check_attributes(element, _PARAMETER)
         self.check_no_text(element)
         for child in element:
-            self.report_error("unknown-element", child, f"`<parameter>` holds nothing; move `<{child.tag}>` behind it")
+            self.report_error(
+                "unknown-element", child, f"nothing is allowed inside `<parameter>`; move `<{child.tag}>` after it"
+            )
         name = (element.get("name") or "").strip()
         if not name:
             self.report_error("missing-attribute", element, 'a parameter needs a name: <parameter name="..."/>')
         elif not _NAME.match(name) or name == "template":
             reserved = "; `template` says which template is used" if name == "template" else ""
-            message = f"a parameter is called by one word of letters, digits, _ and -, not `{name}`{reserved}"
+            message = f"a parameter's name is one word of letters, digits, _ and -, not `{name}`{reserved}"
             self.report_value("bad-name", element, "name", message)
         elif name in template.parameters:
             self.report_value("duplicate-parameter", element, "name", f"the parameter `{name}` is given twice here")
@@ -275,7 +277,7 @@ class _TemplateReader(ElementReader):
     def check_use(self, element: Element, parent: Element) -> None:
         self.check_no_text(element)
         for child in element:
-            message = f"`<use>` holds nothing; `<{child.tag}>` is not allowed in it"
+            message = f"nothing is allowed inside `<use>`; delete `<{child.tag}>`"
             self.report_error("unknown-element", child, message)
         name = (element.get("template") or "").strip()
         self.used.add(name)
@@ -283,9 +285,9 @@ class _TemplateReader(ElementReader):
             message = f"`<use>` is not allowed in `<{parent.tag}>`; it belongs where acts, actions, rules, states, "
             self.report_error("misplaced", element, message + "transitions or functions are")
         elif not name:
-            self.report_error("missing-attribute", element, 'which template is used: <use template="..."/>')
+            self.report_error("missing-attribute", element, '`<use>` needs a template: <use template="..."/>')
         elif "${" in name:
-            self.report_value("wrong-value", element, "template", "a template is named here as it is, without `${...}`")
+            self.report_value("wrong-value", element, "template", "write the template's name itself, without `${...}`")
         elif (template := self.collection.find(name)) is not None:
             self.check_arguments(element, template)
         elif not self.collection.draft.unreadable_parts:

@@ -143,9 +143,9 @@ class _Expander:
         if level > MAX_LEVELS:
             problem = ("too-deep", f"with its templates, this lies more than {MAX_LEVELS} elements deep")
         elif self.elements > MAX_ELEMENTS:
-            problem = ("too-large", f"more than {MAX_ELEMENTS} elements would come of the templates of this scenario")
+            problem = ("too-large", f"the templates of this scenario would make more than {MAX_ELEMENTS} elements")
         elif self.characters > MAX_CHARACTERS:
-            problem = ("too-large", f"more than {MAX_CHARACTERS} characters would come of the templates")
+            problem = ("too-large", f"the templates would make more than {MAX_CHARACTERS} characters")
         if problem[0] and not self.is_full:
             self.is_full = True
             self.diagnostics.error(problem[0], self._file.element_location(element), problem[1])

@@ -29,18 +29,18 @@ from rise_engine.syntax.toml import toml_key
 
 EXPLORE_KEYS = {
     "end": "the rule whose end is the end of the study; without it, the rule of the first key that starts one",
-    "faults": "how many things go wrong on one way, 0 to 5 (1)",
+    "faults": "how many things go wrong on one path, 0 to 5 (1)",
     "line": "how many acts wait at most, 0 to 5 (1)",
     "beside": "how many acts of calling type None run at once, 0 to 5 (2)",
-    "pace": 'how many times as long as expected acts take, at least and at most ([0.5, 3.0]); "any": any time',
-    "tries": "by memory key, values that somebody may type or a node may write",
+    "pace": 'least and greatest duration of acts, as multiples of the expected one ([0.5, 3.0]); "any": any time',
+    "tries": "for a memory key, the values that somebody may type or a node may write",
     "keys": '"rules" (the usual), or "all": also the keys that start acts by hand',
 }
 """The meaning of each entry of `[explore]`, for editors."""
 PROPERTY_TABLES: tuple[PropertyKind, ...] = get_args(PropertyKind)
 PROPERTY_MEANINGS: dict[PropertyKind, str] = {
     "always": "it holds in every situation",
-    "reachable": "it can still come from every situation",
+    "reachable": "every situation can still lead to it",
     "eventually": "it happens without help, as acts end and time passes",
 }
 EVENTUALLY_KEYS = {
@@ -100,7 +100,7 @@ def _read_pace(table: TomlTable, usual: tuple[float, float] | None) -> tuple[flo
     if value == "any" or value == usual:
         return None if value == "any" else usual
     if not isinstance(value, list) or len(value) != 2 or not all(map(_is_number, value)):
-        message = "`pace` says how many times as long as expected acts take, at least and at most"
+        message = "`pace` is the least and greatest duration of acts, as multiples of the expected one"
         table.report_value("wrong-type", "pace", f"{message}: {_PACE_FORM}")
         return usual
     least, most = value
@@ -120,7 +120,7 @@ def _is_number(value: Any) -> bool:
 
 def _read_tries(table: TomlTable, draft: ScenarioDraft) -> dict[str, tuple[Json, ...]]:
     form = "tries = { KEY = [VALUE, VALUE] }"
-    inner = table.subtable("tries", f"`tries` says, by memory key, which values somebody may give it: {form}")
+    inner = table.subtable("tries", f"`tries` lists the values that somebody may give a memory key: {form}")
     tries: dict[str, tuple[Json, ...]] = {}
     for key, values in inner.values.items() if inner is not None else ():
         assert inner is not None
@@ -158,7 +158,7 @@ def read_properties(settings: TomlTable, draft: ScenarioDraft) -> tuple[StudyPro
                 message = "the name of a property has characters that can be shown, and no blanks around it"
                 table.report_key("bad-name", message, name)
             elif name in first:
-                message = f"there is another property `{name}` in [{first[name]}]; findings are told by these names"
+                message = f"there is another property `{name}` in [{first[name]}]; choose another name"
                 table.report_key("duplicate-name", message, name)
             first.setdefault(name, kind)
             each = _PropertyReader(table, name, kind, draft).read()
@@ -209,9 +209,7 @@ class _PropertyReader:
             table.diagnostics.error("condition", locate(error.column - 1), expression_message(error), error.suggestion)
             return None
         if condition.draws:
-            message = (
-                "what is asked of a situation leaves nothing to chance: write it without `rand`, `shuffle`, `sample`"
-            )
+            message = "a property cannot depend on chance: write it without `rand`, `shuffle`, `sample`"
             table.report_value("condition", key, message)
             return None
         note_property(condition, locate, self.draft)

@@ -113,7 +113,7 @@ class _LexiconReader:
                 words[word] = said.strip()
                 first[word] = written
                 if words[word] == word:
-                    message = f"`{word}` is said as it is written without this line too"
+                    message = f"`{word}` is said as it is written anyway; delete this line"
                     self.diagnostics.warning("no-effect", table.key_location(written), message)
         return words
 
@@ -126,7 +126,7 @@ class _LexiconReader:
             return
         for written in self.languages.values():
             known = f"; it is in {', '.join(sorted(spoken))}" if spoken else ""
-            hint = "" if language else f'. Which language the acts are in says scenario.toml: language = "{written}"'
+            hint = "" if language else f'. scenario.toml sets the language of the acts: language = "{written}"'
             message = f"nothing in this study is said in `{written}`{known}{hint}"
             self.diagnostics.warning("no-effect", self.top.key_location(written), message)
 

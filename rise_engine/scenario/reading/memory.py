@@ -89,7 +89,7 @@ class _MemoryReader:
             if member.key.casefold() != LIST_KEY.casefold():
                 members.append(member)
                 if has_list:
-                    message = f'nothing stands beside "{LIST_KEY}" here; {_FORM}'
+                    message = f'nothing else is allowed beside "{LIST_KEY}" here; {_FORM}'
                     self.report_error("memory-form", member.key_at, message)
                 continue
             if member.key != LIST_KEY:

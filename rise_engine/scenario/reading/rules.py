@@ -158,8 +158,8 @@ class _RuleReader(BlockReader):
             if name in states and target in states and knot[name] == knot[target]:
                 after = element.attributes["after"].strip()
                 message = (
-                    f"after {after} this way leads back to `{name}` and waits for nothing else: each round is recorded "
-                    f"and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event"
+                    f"after {after} this transition leads back to `{name}` and waits for nothing else: each round is "
+                    f"recorded and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event"
                 )
                 self.diagnostics.warning("short-loop", self.file.value_location(element, "after"), message)
 
@@ -239,7 +239,7 @@ class _RuleReader(BlockReader):
         event = get("eventTopic")
         given = [name for name in _TRIGGERS if name in attributes]
         for other in given[1:]:
-            message = f"a transition waits for one thing, and here is `{given[0]}` already; write two transitions"
+            message = f"a transition waits for one thing, and this one already has `{given[0]}`; write two transitions"
             self.report_attribute("trigger", element, other, message)
         if not given and "cond" not in attributes:
             message = "a transition waits for something: give it eventTopic, ended, after or cond"
@@ -274,7 +274,7 @@ class _RuleReader(BlockReader):
     def read_held(self, element: Element) -> Expression | None:
         """Read `while="..." after="8s"`: the condition that must hold for that time."""
         if "while" in element.attributes and "after" not in element.attributes:
-            message = '`while` says what must hold for some time: add after="8s"; what must hold at once is `cond`'
+            message = '`while` must hold for some time: add after="8s", or use `cond` for a condition without a time'
             self.report_attribute("trigger", element, "while", message)
         return self.read_condition(element, "while")
 
@@ -287,7 +287,9 @@ class _RuleReader(BlockReader):
     def read_outcomes(self, element: Element) -> tuple[ActOutcome, ...]:
         """Read `outcome="failed"`, or several: `outcome="failed | stopped"`."""
         if "ended" not in element.attributes:
-            message = '`outcome` says how an act has ended; it stands beside `ended`: ended="R_X" outcome="failed"'
+            message = (
+                '`outcome` says how an act has ended; write it together with `ended`: ended="R_X" outcome="failed"'
+            )
             self.report_attribute("trigger", element, "outcome", message)
         words = [word.strip(BLANKS) for word in element.attributes["outcome"].split("|")]
         for word in words:

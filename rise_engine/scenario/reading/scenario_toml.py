@@ -133,7 +133,7 @@ class ScenarioSettings:
         table = self.table.section("languages")
         for key in table.values:
             if key == "default":
-                message = 'which language the acts are in says `language = "en"` at the top of the file, not `default`'
+                message = 'write the language of the acts as `language = "en"` at the top of the file, not as `default`'
                 table.report_key("unknown-key", message, key)
             elif key != "also":
                 table.report_key("unknown-key", f"unknown key `{key}`", key, suggestion=suggest(key, ("also",)))

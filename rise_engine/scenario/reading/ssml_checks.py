@@ -97,7 +97,7 @@ def _explain(text: str) -> SsmlProblem:
     _, index, sentence = describe_syntax_error(error, text)
     message = error.msg or ""
     if "Extra content" in message:
-        sentence = "the message goes on behind its `</speak>`; one `<speak>` holds all of it"
+        sentence = "the message goes on after its `</speak>`; one `<speak>` holds all of it"
     elif "EntityRef" in message or "Entity" in message:
         index = text.rfind("&", 0, index + 2)
         sentence = "in SSML, `&` is written `&amp;`; other characters are written as they are"
@@ -120,8 +120,8 @@ def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProble
         for piece in filter(None, (slot.fallback, slot.before, slot.after)):
             if not _is_words(piece) or (within_tag and ('"' in piece or "'" in piece)):
                 message = (
-                    f"`{piece}` stands beside a memory value or for it: these are words without tags, in which SSML "
-                    "writes `&lt;` and `&amp;`, and within a tag `&quot;`"
+                    f"`{piece}` is beside a memory value, or is its fallback: only words are allowed there. Write "
+                    "`&lt;` for `<`, `&amp;` for `&` and, within a tag, `&quot;` for quotation marks"
                 )
                 yield SsmlProblem(True, message, piece)
 

@@ -97,7 +97,7 @@ def apply_suppressions(
                 break
     for suppression in suppressions if complete else ():
         if suppression not in used:
-            message = f"this silences nothing: there is no warning `{suppression.code}` at what follows; delete it"
+            message = f"this silences nothing: what follows has no warning `{suppression.code}`; delete it"
             diagnostics.warning("unused-allow", suppression.location, message)
     covered = {warning.diagnostic for warning in silenced}
     return join_uses(each for each in diagnostics.sorted() if each not in covered), silenced

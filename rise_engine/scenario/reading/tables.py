@@ -180,11 +180,11 @@ def _read_table(
     settings = read_table_settings(path.with_suffix(".toml"), files, diagnostics)
     source = files.read(path, MAX_TABLE_BYTES, settings.encoding, _ENCODING_REMEDY.format(name=name))
     if not is_writable_key(name) or "." in name:
-        message = f"a table is called as a key is: letters, digits and `_`, beginning with a letter, not `{name}`"
+        message = f"a table's name has letters, digits and `_`, and begins with a letter, not `{name}`"
         base, _, tag = name.rpartition(".")
         if base and not language_problem(tag):
             message = f"a table has no file of its own in another language; put its `{tag}` into tables/{base}.csv, in "
-            message += f"columns that are called as those they translate: `text.{tag}` beside `text`"
+            message += f"columns such as `text.{tag}` beside `text`"
         diagnostics.error("bad-name", location, message)
         source = None
     elif name in draft.tables:  # items.csv and items.CSV
@@ -279,7 +279,10 @@ class _TableReader(CsvReader):
             base, _, tag = name.rpartition(".")
             language, is_beside = known.get(tag.lower(), ""), base in names
             if language and not is_beside and base:
-                near = did_you_mean(base, [each for each in columns if each != name]) or "; call it as the one beside"
+                near = (
+                    did_you_mean(base, [each for each in columns if each != name])
+                    or "; give it the name of the column that it translates"
+                )
                 message = f"`{name}` is in the language `{language}`, but there is no column `{base}`{near}"
                 self.report(self.value_at(header, at), message)
             elif language and is_beside and (base, language) in found.values():
@@ -350,7 +353,7 @@ class _TableReader(CsvReader):
                 self.report(self.value_at(row, at), TOO_LONG)
             value = convert_value(text, kind, settings.decimal)
             if value is None and text:
-                message = f"`{name}` is {_KINDS[kind]}, and this is none: `{text[:40]}`"
+                message = f"`{name}` is {_KINDS[kind]}, and this is not: `{text[:40]}`"
                 self.report_value(self.value_at(row, at), message)
             values.append(value)
         return values

@@ -150,17 +150,17 @@ class TranslationReader:
         self._index_texts()
         self.table_texts = tuple(table_texts(self.draft.tables, self.all_texts))
         if not self.language and "settings" not in self.draft.unreadable_parts:
-            message = "the study has translations, but the language of its acts is not known: say at the top of "
-            message += 'scenario.toml in which language the acts are, language = "en"'
+            message = "the study has translations, but the language of its acts is not known: write it at the top of "
+            message += 'scenario.toml: language = "en"'
             first = min(by_tag.values(), key=lambda path: path.name)
             self.diagnostics.warning("no-language", SourceLocation(files.display_name(first)), message)
         for tag, path in sorted(by_tag.items()):
             name = files.display_name(path)
             if problem := language_problem(path.stem):
-                message = f"a file of translations is called as its language, such as de.toml: {problem}"
+                message = f"a file of translations is named after its language, such as de.toml: {problem}"
                 self.diagnostics.error("unknown-language", SourceLocation(name), message)
             elif self.language and tag == self.language.lower():
-                message = f"the acts are in `{self.language}` themselves: what they say is changed there, not here"
+                message = f"the acts are in `{self.language}` themselves: change their texts there, not here"
                 self.diagnostics.error("wrong-value", SourceLocation(name), message)
             else:
                 self._read_language(path, files)
@@ -216,7 +216,7 @@ class TranslationReader:
         problem, is_stale = slot_problem(text.template, given.template), given.of != text.text
         if is_stale:
             message = f"the text has changed since: it is “{shorten(text.text, _SHOWN)}” now, and this translates "
-            message += f"“{shorten(given.of, _SHOWN)}”; translate it anew, or write what it is now into `of`"
+            message += f"“{shorten(given.of, _SHOWN)}”; translate it again, or write the present text into `of`"
             self.diagnostics.warning("stale-translation", given.location, message)
         if problem and (not is_stale or is_asked):
             self.diagnostics.error("slot-differs", given.text_location, problem)
@@ -340,7 +340,7 @@ def slot_problem(original: Template, translation: Template) -> str:
         return f"the translation leaves out {', '.join(f'{{{key}}}' for key in missing)}, which the text has"
     if added := sorted(others - keys):
         near = suggest(added[0], sorted(keys), limit=0).words if keys else ""
-        return f"the translation has {', '.join(f'{{{key}}}' for key in added)}, which the text has not{near}"
+        return f"the translation has {', '.join(f'{{{key}}}' for key in added)}, which the text does not have{near}"
     optional = {slot.key for slot in original.slots if slot.fallback is not None}
     needed = sorted({slot.key for slot in translation.slots if slot.fallback is None} & optional)
     certain = {slot.key for slot in original.slots if slot.fallback is None}

@@ -85,7 +85,7 @@ def test_settings_say_what_they_do() -> None:
     assert planned.says == ('key n: label is "Größe" (new)',)
     after, planned = changed(files, SetSetting(("keys", "n"), None))
     assert after["scenario.toml"].decode() == "# Gespräch\n"
-    assert planned.noticed == ("the comment in scenario.toml, line 4, goes with it: # weiter",)
+    assert planned.noticed == ("the comment in scenario.toml, line 4, is removed with it: # weiter",)
     after, planned = changed(files, RenameSetting(("keys", "n"), "ü"))
     assert after["scenario.toml"].decode().endswith("\"ü\" = { rule = 'Next' } # weiter\n")
     assert planned.says == ("key n is called ü now",)

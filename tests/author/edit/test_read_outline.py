@@ -107,7 +107,7 @@ def test_what_is_wrong_is_shown_as_it_stands() -> None:
     assert (state.id, state.on_entry[0].call, state.on_entry[0].reason) == (
         "",
         None,
-        "it names no function that there is",
+        "it names no known function",
     )
 
 

@@ -43,7 +43,7 @@ CASES = (
     Case(SETTINGS, 'event = "/W_close"', 'rule = "Zzz"', "unknown-rule", ("make the rule Zzz",)),
     Case(SETTINGS, 'event = "/W_close"', 'act = "R_Close"', "unknown-act", ("make the act R_Close",)),
     Case(GAZE, WAY, WAY.replace("person_near", "score"), "unset-key",
-         ("let score begin as 0", "let score begin as false", 'let score begin as ""')),
+         ("give score the start value 0", "give score the start value false", 'give score the start value ""')),
     Case(GAZE, 'after="1s"', 'after="2"', "time", ("write 2s", "write 2ms"), 'after="2s"'),
     Case(GAZE, WAY, WAY.replace('near"', 'near AND defined(person_name)"'), "condition", ("write and",),
          "person_near and defined", likely=True),

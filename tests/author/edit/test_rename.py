@@ -273,7 +273,7 @@ def test_states_and_rules_take_the_events_of_their_ends_with_them(state: StudySt
     assert 'eventTopic="/Else_End"' in changed["rules/r.xml"] and changed["session.jsonl"].count("Else") == 4
     changed, planned = renamed(state, "act", "R_B", "R_Bee")
     assert changed["rules/r.xml"].count("/R_Bee_end") == 2
-    assert planned.noticed == ("`/R_B_end` is raised by hand, too; it is called otherwise there as well",)
+    assert planned.noticed == ("`/R_B_end` is also raised explicitly; it gets the new name there, too",)
 
 
 @pytest.mark.parametrize(
@@ -291,8 +291,8 @@ def test_states_and_rules_take_the_events_of_their_ends_with_them(state: StudySt
             "R_2",
             r"acts/a.xml, line 14 .*: the template `Twice` puts the name together \(acts/a.xml, line 6\)",
         ),
-        ("act", "R_B", "R_C", r'\[act."R_B\*"\] sets `filler` of `R_B` by how it is called'),
-        ("act", "R_A", "R_B2", r'\[act."R_B\*"\] sets `filler` of `R_B2` by how it is called'),
+        ("act", "R_B", "R_C", r'\[act."R_B\*"\] sets `filler` of `R_B` by its name'),
+        ("act", "R_A", "R_B2", r'\[act."R_B\*"\] sets `filler` of `R_B2` by its name'),
         ("act", "R_A", "Other", "waits for the event `R_A_end`; it would be `Other_end`"),
         ("rule", "Other", "Main", "`Main` is taken"),
         ("state", "Main/One", "Two", "`Two` is taken"),

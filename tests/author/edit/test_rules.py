@@ -141,7 +141,7 @@ def test_of_a_way_only_what_is_meant_otherwise_is_written() -> None:
         (TransitionForm(event="x", after="2s"), "event and after"),
         (TransitionForm(target="A"), "waits for something"),
         (TransitionForm(event="x", outcomes=("failed",)), "name the act"),
-        (TransitionForm(event="x", held="a"), "needs the time"),
+        (TransitionForm(event="x", held="a"), "needs that time"),
     ],
 )
 def test_a_way_that_cannot_be_is_refused(form: TransitionForm, why: str) -> None:
@@ -163,7 +163,7 @@ def test_ways_move_with_their_comments() -> None:
     back = after(moved, MoveTransition("Greeting", "Visitor is here", 2, greets, 1))
     assert back.files == study.files
     shared = TransitionForm(condition="not person_near", target="Visitor has left")
-    assert "keeps its place" in refusal(study, MoveTransition("Greeting", "Greet", 2, shared, 0))
+    assert "cannot move past this place" in refusal(study, MoveTransition("Greeting", "Greet", 2, shared, 0))
 
 
 def test_shared_ways_change_for_all_states_that_have_them() -> None:

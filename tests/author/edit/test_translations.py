@@ -106,7 +106,7 @@ def test_the_same_text_once_more_says_that_it_is_right_still() -> None:
     files = {**study.files, GERMAN: study.files[GERMAN].replace(b'of = "Very good!"', b'of = "Good!"')}
     stale = StudyState(files, study.checked, study.folder)
     made = plan(SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"), stale)
-    assert made.says == ("R_Praise/2/1 in de: “Sehr gut!”: it is right still",)
+    assert made.says == ("R_Praise/2/1 in de: “Sehr gut!”: it is still right",)
     assert apply_plan(files, made) == study.files
 
 

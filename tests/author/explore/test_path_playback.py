@@ -101,7 +101,7 @@ def test_a_way_for_which_there_are_no_times_says_perhaps_and_why() -> None:
     fact, (path, result) = next((fact, way) for fact, way in ways.items() if not way[1].is_certain)
     told = tell_path(shipped("lab_opening"), path, bounds_for("lab_opening", 0))
     text = task_file_of(str(fact), told, result, "scenarios/lab_opening")
-    assert f"# Perhaps it does not go like this: {result.problem}." in text
+    assert f"# This path could not be confirmed: {result.problem}." in text
     assert read_task_file(text.encode(), "perhaps.jsonl").tasks == tuple(
         msgspec.structs.replace(each, file="perhaps.jsonl", line=again.line)
         for each, again in zip(result.tasks, read_task_file(text.encode(), "perhaps.jsonl").tasks, strict=True)

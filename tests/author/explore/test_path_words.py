@@ -33,7 +33,7 @@ def test_what_the_wizard_does_and_what_the_rules_and_acts_do_then() -> None:
         "R_Notice begins, R_FollowGaze begins",
         "the wizard presses h (says hello) → Listening goes on to Spotting, at once to Listening, "
         "Greeting goes on to Greet, R_Notice is cut off, R_Greeting has to wait",
-        "the robot has stopped with R_Notice → R_Greeting begins",
+        "the robot has stopped doing R_Notice → R_Greeting begins",
         "R_Greeting ends → Greeting goes on to Introduce, R_Introduction begins",
     ]
 

@@ -22,7 +22,7 @@ end = { event = "runs(" }
     [
         ("ex|plore]", ["**[explore]**: what `rise-engine explore` looks at"]),
         ("[always|]", ["**[always]**: it holds in every situation"]),
-        ("fau|lts", ["**faults**: how many things go wrong on one way, 0 to 5 (1)"]),
+        ("fau|lts", ["**faults**: how many things go wrong on one path, 0 to 5 (1)"]),
         ("# ru|ns", []),
         ('"runs| well', []),
         (

@@ -104,7 +104,7 @@ def test_a_table_comes_back_as_any_program_saves_it(separator: str, encoding: st
         writer.writerow([*reversed(row), "comment" if number == 0 else str(number)])
     found = back(read_csv(stream.getvalue().encode(encoding)))
     assert (found.edits, found.refused, found.rows) == ((), (), 72)
-    assert found.noticed == ("not read: the column `comment`; a new language is named, --language TAG",)
+    assert found.noticed == ("not read: the column `comment`; for a new language, add --language TAG",)
 
 
 EDITS: list[tuple[str, dict[str, str], AnyEdit]] = [
@@ -160,10 +160,10 @@ def one_row(**cells: str) -> ReadTable:
         ),
         ({"de": "Schön."}, study("Fine."), "the text was changed since the table was made"),
         ({"de": "Schön."}, study(german='text = "Fein.", of = "Good."'), "`de` was changed in the study, too"),
-        ({"de": ""}, study(), "the cell `de` is empty; “Gut.” stays what it says"),
+        ({"de": ""}, study(), "the cell `de` is empty; the text stays “Gut.”"),
         ({"text": ""}, study(), "the text is empty"),
         ({"text": "Good {name."}, study(), "a `{` without its `}`"),
-        ({"de": "Gut, {name}."}, study(), "`de`: the translation has {name}, which the text has not"),
+        ({"de": "Gut, {name}."}, study(), "`de`: the translation has {name}, which the text does not have"),
         ({"de": "<speak>Gut."}, study(), "`de`: "),
         ({"de": "Schön.", "check": ""}, study(), "the table does not say (in `check`) what `de` was"),
         ({"de": "Schön.", "of": ""}, study(), "its cell `of` is empty"),

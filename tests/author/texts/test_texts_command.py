@@ -64,7 +64,7 @@ def cell(id: str, column: str, text: str) -> Change:
 def test_an_untouched_table_leaves_every_byte(study: Path, name: str) -> None:
     before = content(study)
     found = texts("import", study, exported(study, name))
-    assert found.exit_code == 0 and found.output == "0 changes in 72 texts: nothing is to be changed\n"
+    assert found.exit_code == 0 and found.output == "0 changes in 72 texts: there is nothing to change\n"
     assert content(study) == before
 
 
@@ -163,7 +163,7 @@ def test_what_cannot_be_used_is_told(
     monkeypatch.chdir(tmp_path)
     if sentence == "is already":
         (tmp_path / "t.csv").write_text("mine")
-        arguments, sentence = (*arguments[:-1], "t.csv"), "there is a file t.csv already; nothing is written over"
+        arguments, sentence = (*arguments[:-1], "t.csv"), "there is a file t.csv already; name a new one"
     found = texts(*arguments)
     assert found.exit_code == 2 and sentence in found.output
     assert not (tmp_path / "t.ods").exists()

@@ -107,7 +107,7 @@ def test_what_cannot_be_named_is_a_wrong_use(files: Path) -> None:
     for arguments, sentence in (
         (["to-bml", "scenarios/greeting"], "add -o FOLDER"),
         (["to-bml", "scenarios/greeting", "--act", "R_Nood"], "R_Nod"),
-        (["to-bml", "scenarios/greeting", "--act", "R_Nod", "-o", files / "hello.xml"], "nothing is written over"),
+        (["to-bml", "scenarios/greeting", "--act", "R_Nod", "-o", files / "hello.xml"], "already; name a new one"),
         (["to-bml", files / "gone"], "there is no folder"),
     ):
         found = run(*arguments)

@@ -72,7 +72,7 @@ def test_synchronize_of_starts_and_ends() -> None:
         (nod('start="s3:end"'), "2:34", "there is no behaviour `s3` in this block; known: `h`, `s1`"),
         (nod('start="other:s1:end"'), "2:34", "`other` is another block"),
         (nod('start="s1:stroke:2"'), "2:34", "`s1:stroke:2` is a point within `s1`"),
-        (nod('start="soon"'), "2:34", "`soon` is no time of BML 1.0"),
+        (nod('start="soon"'), "2:34", "`soon` is not a time of BML 1.0"),
         (nod('start="h:end"'), "2:34", "these behaviours wait for each other: h -> h"),
         (nod('end="2"'), "2:32", "`end` cannot be 2: an action ends when it has done what it does; with a `start`"),
         (nod('start="0" end="s1:end"'), "2:42", "`end` cannot be s1:end"),
@@ -180,8 +180,8 @@ def test_ssml_of_a_description_is_said() -> None:
         ('<gesture id="g" lexeme="BEET"/>', "2:25", "bml-name", "`BEET` has no meaning here; did you mean `BEAT`?"),
         ('<gazeShift id="g" target="dooor"/>', "2:27", "bml-name", "`dooor` has no place here; did you mean `door`?"),
         ('<locomotion id="g" target="door"/>', "2:1", "bml-no-action", "no action moves the robot from its place"),
-        ('<gezture id="g"/>', "2:1", "bml-no-action", "no behaviour of BML 1.0; did you mean `gesture`?"),
-        ('<x:torso xmlns:x="urn:x" id="t"/>', "2:1", "bml-no-action", "nobody here knows what it does"),
+        ('<gezture id="g"/>', "2:1", "bml-no-action", "not a behaviour of BML 1.0; did you mean `gesture`?"),
+        ('<x:torso xmlns:x="urn:x" id="t"/>', "2:1", "bml-no-action", "its meaning is unknown here"),
         ('<head id="g" lexeme="NOD" strat="2"/>', "2:27", "bml-form", "no attribute `strat`; did you mean `start`?"),
         ('<head id="g"/>', "2:1", "bml-form", "`<head>` needs the attribute `lexeme`"),
         ('<speech id="g"/>', "2:1", "bml-form", "nothing is said here"),
@@ -251,5 +251,5 @@ def test_files_of_drafts_are_read_and_it_is_said() -> None:
 def test_a_prefix_is_as_good_as_a_default_namespace() -> None:
     text = '<b:bml xmlns:b="http://www.bml-initiative.org/bml/bml-1.0" id="x"><b:head id="h" lexeme="NOD"/></b:bml>'
     assert read_text(text).does["h"]["value"] == "head_nod"
-    assert "is no block of BML 1.0" in read_text("<speech/>").errors[0]
-    assert "is no block of BML 1.0" in read_text('<bml xmlns="urn:x"/>').errors[0]
+    assert "is not a block of BML 1.0" in read_text("<speech/>").errors[0]
+    assert "is not a block of BML 1.0" in read_text('<bml xmlns="urn:x"/>').errors[0]

@@ -232,7 +232,7 @@ def test_a_study_becomes_a_folder_of_documents(tmp_path: Path) -> None:
         ((), 2, "these are 2 rules; name a folder with -o, or one of them with --rule"),
         (("-o", "one.scxml"), 2, "these are 2 rules"),
         (("--rule", "Goood"), 2, "there is no rule `Goood`; did you mean `Good`?"),
-        (("--rule", "Good", "-o", "memory.json"), 2, "memory.json is no folder"),
+        (("--rule", "Good", "-o", "memory.json"), 2, "memory.json is not a folder"),
         (("-o", "out"), 1, "nothing was written: 1 error"),
         (("--rule", "Good", "-o", "out", "--strict"), 1, "nothing was written, because of --strict: 1 loss"),
         (("--rule", "Good", "-o", "memory.json/x.scxml"), 74, "cannot be written"),

@@ -215,7 +215,7 @@ def test_usage(tmp_path: Path) -> None:
     assert ran.exit_code == 2
     assert "there is no file" in ran.output
     (tmp_path / "study").write_text("")
-    assert "is no folder" in run(tmp_path, VISIT).output
+    assert "is not a folder" in run(tmp_path, VISIT).output
 
 
 def test_events_of_a_star(tmp_path: Path) -> None:

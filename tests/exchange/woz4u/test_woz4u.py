@@ -139,9 +139,9 @@ def test_everything_that_is_wrong_is_told_with_its_line_and_nothing_is_made(
     [
         ("a: [1", "this is not YAML"),
         ("title: x\ntitle: y", "this is not YAML"),
-        ("other: 1", "is no configuration of WoZ4U"),
-        ("- 1", "is no configuration of WoZ4U"),
-        ("", "is no configuration of WoZ4U"),
+        ("other: 1", "is not a configuration of WoZ4U"),
+        ("- 1", "is not a configuration of WoZ4U"),
+        ("", "is not a configuration of WoZ4U"),
         ("[" * 20_000, "config.yaml:1:21: values are nested more than 20 deep"),
         ("gestures: " + "{a: " * 20_000, "values are nested more than 20 deep"),
         ("- " * 20_000, "config.yaml:1:41: values are nested more than 20 deep"),

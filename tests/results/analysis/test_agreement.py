@@ -130,7 +130,8 @@ def test_one_category_gives_a_sentence_and_no_number(pairs: list[tuple[str, str]
     for found in (cohen_kappa(pairs), krippendorff_alpha(pairs)):
         assert found.value is None
         assert found.why == (
-            "all of them always chose the same (a), so agreement cannot be told from habit: the number is not defined"
+            "all of them always chose the same (a), so agreement cannot be distinguished from habit: the number "
+            "is not defined"
         )
 
 

@@ -106,7 +106,7 @@ def test_a_bundle_that_somebody_changed(bundle: Path) -> None:
     (bundle / "LICENSE").unlink()
     status, said, _ = run(bundle)
     assert status == 1
-    for told in ("changed: participants.csv", "missing: LICENSE", "not of the bundle: extra.txt"):
+    for told in ("changed: participants.csv", "missing: LICENSE", "not part of the bundle: extra.txt"):
         assert told in said
     assert "is not the check sum of a file" in said
     assert "2 of 2 sessions identical" in said
@@ -157,7 +157,7 @@ def _replace(name: str, old: str, new: str) -> Callable[[Path], None]:
 
 
 FOLLOWS = {
-    "tables/acts.csv": (",Greet,", ",Great,", 'line 2, column act: "Great" is there, and "Greet" follows'),
+    "tables/acts.csv": (",Greet,", ",Great,", 'line 2, column act: the bundle has "Great", the new one "Greet"'),
     "tables/datapackage.json": ("seconds", "hours", "line "),
     "bids/README.md": ("2 sessions", "9 sessions", "line 3: "),
     "report/report.html": ("complete", "splendid", "line "),
@@ -306,7 +306,7 @@ def test_a_bundle_of_another_version_is_compared_as_far_as_both_know_it(bundle: 
     _replace("report/report.html", "complete", "whole")(bundle)
     same = compare(bundle)
     assert [each.file for each in same.differences] == ["report/report.html", "tables/acts.csv"]
-    assert "its columns are others (new)" in str(same.differences[1])
+    assert "its columns differ (new)" in str(same.differences[1])
     other = compare(bundle, same_version=False)
     assert (other.differences, other.not_compared) == ([], ["report/report.html"])
     _replace("tables/acts.csv", ",Greet,", ",Great,")(bundle)
@@ -333,7 +333,7 @@ def test_the_same_robot_without_its_fault(bundle: Path) -> None:
     status, said, _ = run(bundle, "--robot", "generic")
     assert status == 1
     assert "2 of 2 sessions identical" in said
-    assert "14 of 16 acts end as they had" in said
+    assert "14 of 16 acts end as before" in said
     assert "Point of wizard:W1, at 40.0 s: SUCCEEDED, not ABORTED" in said
     assert "Point of wizard:W1 (number 2), at 43.0 s: was not played" in said
     assert "the same way: Lamp, Visit" in said

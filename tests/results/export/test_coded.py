@@ -102,7 +102,7 @@ def test_tiers_by_name_list_and_remove(folder: Path, tmp_path: Path) -> None:
     assert "did you mean `gaze`?" in run("coded", "add", folder, out, "--tier", "gase", status=2)
     assert "not among the tiers" in run("coded", "add", folder, out, "--tier", "gaze", "--speech", SPEECH, status=2)
     run("coded", "add", folder, out)
-    assert "takes the place" in run("coded", "add", folder, out, "--tier", "gaze", "--annotator", "ben")
+    assert "replaces the earlier" in run("coded", "add", folder, out, "--tier", "gaze", "--annotator", "ben")
     assert {each.annotator for each in read_session(folder).coded} == {"ben"}
     assert json.loads(run("coded", "list", folder, "--json"))["files"][0]["annotations"] == {"gaze": 5}
     run("coded", "remove", folder, out.name)
@@ -117,7 +117,7 @@ def test_without_a_clock_somebody_has_to_say_it(folder: Path, tmp_path: Path) ->
     eaf.add_linked_file("file:///videos/room.mp4", relpath="./room.mp4", time_origin=2000)
     out = tmp_path / "mine.eaf"
     eaf.to_file(str(out))
-    assert "(room.mp4) are not laid against it" in run("coded", "add", folder, out, status=2)
+    assert "align the recordings that it names first (room.mp4;" in run("coded", "add", folder, out, status=2)
     run("coded", "add", folder, out, "--at", "14.04=12.34")
     assert [each.begin for each in read_session(folder).coded] == [12.34]
     register_media(folder, MediaFile(path="room.mp4", kind="video", offset=1.5))

@@ -37,7 +37,7 @@ def test_of_a_study_what_counts_and_has_ended(study: Path) -> None:
     result = export("study", "--format", "csv", "-o", "out.csv")
     assert (result.exit_code, result.stdout) == (0, "")
     assert result.stderr.splitlines() == [
-        "note: 1 session of study is not in the export (1 pilot): --all takes them in",
+        "note: 1 session of study is not in the export (1 pilot): --all includes them",
         "7 sessions exported to out.csv",
     ]
     assert sessions_in("out.csv") == [each.name for each in sessions_of(study)[1:]]
@@ -47,7 +47,7 @@ def test_all_of_a_study(study: Path) -> None:
     first = SessionStarted(participant="P04", study="hesitation", slot=4, run=1, attempt=1, purpose="counted")
     torn = torn_session(study / "sessions", scenario=study / "scenario", started=first)
     assert export("study/study.toml", "--format", "csv", "-o", "counted.csv").stderr.splitlines()[0] == (
-        "note: 2 sessions of study are not in the export (1 pilot, 1 unfinished): --all takes them in"
+        "note: 2 sessions of study are not in the export (1 pilot, 1 unfinished): --all includes them"
     )
     result = export("study", "--format", "csv", "--all", "-o", "all.csv")
     assert result.exit_code == 1 and "is torn at its end" in result.stderr
@@ -83,10 +83,10 @@ def test_rows_of_several_sessions_say_whose_they_are(study: Path) -> None:
     [
         (["nowhere", "--format", "csv"], "there is no session `nowhere`"),
         (["study", "--format", "tabels"], "there is no format 'tabels'; did you mean `tables`?"),
-        (["study", "--format", "tables"], "say where: -o names a new folder"),
-        (["study", "--format", "csv"], "say where: -o names a new file, such as sessions.csv"),
-        (["study", "--format", "jsonl", "-o", "-"], "say where: -o names a new folder"),
-        (["study", "--format", "tables", "-o", "study"], "study is there already, and nothing is ever written over"),
+        (["study", "--format", "tables"], "use -o with the name of a new folder"),
+        (["study", "--format", "csv"], "use -o with the name of a new file, such as sessions.csv"),
+        (["study", "--format", "jsonl", "-o", "-"], "use -o with the name of a new folder"),
+        (["study", "--format", "tables", "-o", "study"], "study is there already, and files are never overwritten"),
         (["study", "--format", "tables", "-o", "no/where"], "no/where cannot be made: there is no folder no"),
     ],
 )

@@ -72,7 +72,7 @@ def test_the_file_whose_drift_is_known_leads_and_the_other_says_how_far_it_is_of
     ("file", "duration", "said"),
     [
         (video(offset=None), 60.0, "the place of room.mp4 on the session's clock is not known"),
-        (video(aligned_by="start"), 60.0, "laid by when its recorder was started"),
+        (video(aligned_by="start"), 60.0, "aligned by when its recorder was started"),
         (video(duration=1300.0), 60.0, "was not measured, and it is longer than 20 minutes"),
         (video(), 1201.0, "was not measured, and it is longer than 20 minutes"),
         (video("gone.mp4"), 60.0, "gone.mp4 is not there now"),

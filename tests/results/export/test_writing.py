@@ -113,7 +113,7 @@ def test_what_is_there_stays_as_it_is(tmp_path: Path, name: str, what: str) -> N
             if what == "full folder":
                 (out / "mine").write_text("mine")
     before = out.lstat()
-    with pytest.raises(ExportError, match="is there already, and nothing is ever written over"):
+    with pytest.raises(ExportError, match="is there already, and files are never overwritten"):
         export(load_format(name), out, [folder])
     assert out.lstat() == before and not (tmp_path / "nowhere").exists()
     assert names(tmp_path) == ["out", "scenario", "sessions"]

@@ -47,11 +47,11 @@ def test_marks_of_other_sessions_in_the_file_are_told_apart_by_their_distance() 
         (((1, 10.0), (2, 1810.0), (1, 2000.0), (2, 3800.0)), "mark 1 can be any of those at 10.0 s, 2000.0 s, "),
         # the same mark twice, as a second loudspeaker gives it
         (((1, 10.0), (1, 10.6), (2, 1810.3)), "mark 1 can be any of those at 10.0 s, 10.6 s, "),
-        (((1, 10.0), (2, 1809.8), (2, 1810.4)), "mark 2 can be any of those at 1809.8 s, 1810.4 s: say which"),
+        (((1, 10.0), (2, 1809.8), (2, 1810.4)), "mark 2 can be any of those at 1809.8 s, 1810.4 s; use --at"),
         # two of another session
         (((1, 10.0), (2, 1500.0)), "2 marks found, at 10.0 s, 1500.0 s, and no two of them lie as far apart as those"),
         (((2, 10.0), (1, 1810.0)), "no two of them lie as far apart as those of this session (mark 1 at 2.0 s, mark 2"),
-        (((1, 10.0), (1, 500.0)), "they are of other sessions, or the file was cut. If you know one, say --at FILE="),
+        (((1, 10.0), (1, 500.0)), "they are of other sessions, or the file was cut. If you know one, use --at FILE="),
         ((), "none of the session's 2 marks was found in the file"),
     ],
 )
@@ -70,10 +70,10 @@ def test_one_mark_gives_the_offset_only() -> None:
     other = align_by_marks(TWO[:1], heard((2, 5.0)))
     assert (
         other.offset is None
-        and other.problem == "what was found at 5.0 s does not match the sweep of any mark of this session"
+        and other.problem == "the sound at 5.0 s does not match the sweep of any mark of this session"
     )
     either = align_by_marks([*TWO, SessionMark(3, 1900.0)], heard((1, 5.0)))
-    assert either.problem == "the mark at 5.0 s can be mark 1 or 3: say --at FILE=markN"
+    assert either.problem == "the mark at 5.0 s can be mark 1 or 3: use --at FILE=markN"
     assert "no mark that could be heard" in align_by_marks([], heard((1, 5.0))).problem
 
 
@@ -109,4 +109,4 @@ def test_moments_that_somebody_gives() -> None:
     wrong = align_by_moments([clap, FoundMark(0, 1012.0, 1114.6, 0)])
     assert wrong.problem == "these moments cannot all be right: the file would run 10.0% faster than the session"
     same = align_by_moments([clap, FoundMark(0, 12.0, 20.0, 0)])
-    assert same.problem == "two moments of the session have to differ: say others"
+    assert same.problem == "the two moments of the session must differ: use others"

@@ -179,7 +179,7 @@ def test_a_film_without_sound_says_what_to_do(tmp_path: Path) -> None:
     )
     facts = look_at_media(silent)
     assert (facts.kind, facts.has_sound, facts.duration) == ("video", False, 1.0)
-    with pytest.raises(SessionError, match=r"silent.mp4 has no sound: say --at FILE=markN"):
+    with pytest.raises(SessionError, match=r"silent.mp4 has no sound: use --at FILE=markN"):
         [*Sound(silent).blocks()]
     text = tmp_path / "text.mp4"
     text.write_text("nothing")

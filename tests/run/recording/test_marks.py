@@ -109,7 +109,7 @@ async def test_the_next_player_is_asked_when_one_fails(tmp_path: Path) -> None:
             "exit 0",
             r"player has played nothing that could be heard: it was there for \d+\.\d s, and the sound",
         ),
-        ("exec sleep 60", f"player did not come to an end within {PLAY_SECONDS:g} s"),
+        ("exec sleep 60", f"player did not end within {PLAY_SECONDS:g} s"),
     ],
 )
 async def test_what_goes_wrong_is_said_and_harms_nothing(
@@ -144,7 +144,7 @@ async def test_a_flash_is_its_record() -> None:
     assert not session.notes
     session.view.control = None
     assert not (await give_mark(session, 4, SyncSettings(medium="flash"))).problem
-    assert session.notes == ["mark 4 was to be seen on consoles, and no console has control: perhaps none is attached"]
+    assert session.notes == ["mark 4 should flash on consoles, but no console has control: perhaps none is attached"]
 
 
 @pytest.mark.parametrize("refusal", [Rejected("nothing can be recorded"), EngineGone("the session has ended")])

@@ -60,7 +60,7 @@ async def test_a_bad_line_ends_that_connection_with_a_sentence(scratch: Path, wh
             bad.attach()
             await bad.until("ready")
         bad.writer.write(BAD[what])
-        assert "is no message of the protocol" in await bad.refused()
+        assert "is not a message of the protocol" in await bad.refused()
         assert (await other.client.change_control("take")).accepted and other.error is None
 
 

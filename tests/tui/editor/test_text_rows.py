@@ -161,7 +161,7 @@ def test_a_translation_with_other_memory_values_is_wrong(folder: Path) -> None:
     assert found.state == "wrong" and count_texts(text_entries(draft, "de"))[:4] == (69, 1, 1, 1)
     assert found in shown_entries(text_entries(draft, "de"), TextsView("de", only=True))
     said = " ".join(plain_text(line).strip() for line in note_lines(draft, found, "de", "lab", 100))
-    assert "✗ the translation has {person_name}, which the text has not" in said
+    assert "✗ the translation has {person_name}, which the text does not have" in said
     assert "refused now: 1 text missing and 1 text wrong" in said
 
 

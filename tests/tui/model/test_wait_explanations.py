@@ -215,8 +215,8 @@ def test_a_computed_time() -> None:
     it.client.time += 1
     assert it.said() == ["waits for {pause} to pass 2 s left → b"]
     it.client.rule("R", "entered", "a", previous="a", trigger="x")
-    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "failed", None, "`{pause}` is null, which is no time"))
-    assert it.said() == ["waits for {pause} to pass never: `{pause}` is null, which is no time → b"]
+    it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "failed", None, "`{pause}` is null, which is not a time"))
+    assert it.said() == ["waits for {pause} to pass never: `{pause}` is null, which is not a time → b"]
 
 
 def test_what_is_kept() -> None:

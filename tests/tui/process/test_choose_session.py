@@ -112,7 +112,7 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"participant": "P08"}, "running already, without --participant; for the other one"),
         ({"condition": "loud"}, "running already, without --condition"),
         ({"new": True}, "to begin a new session"),
-        ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be said of a session that begins"),
+        ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be set for a new session"),
     ):
         with pytest.raises(Refused, match=said):
             check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]

@@ -129,7 +129,7 @@ def test_a_check_is_made_and_written_down(folder: Path, source: StudyFolder) -> 
     last = json.loads((folder / "study.jsonl").read_text("utf-8").splitlines()[-1])
     assert (last["kind"], last["id"], last["participant"], last["result"]) == ("checked", "lamp", "P01", "passed")
     (folder / "study.jsonl").write_text("{not json\n{}\n", "utf-8")
-    with pytest.raises(StudyError, match="the check lamp is not written down"):
+    with pytest.raises(StudyError, match="the result of the check lamp cannot be saved"):
         source.note_check(plan.checks[1].check, plan.context, PASSED[1])
 
 

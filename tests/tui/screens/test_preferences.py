@@ -81,7 +81,7 @@ def test_what_is_no_file_of_ours_is_left_out(own_state: Path) -> None:
 
 def test_what_cannot_be_written_is_a_sentence(own_state: Path) -> None:
     own_state.write_text("in the way")
-    assert "is not kept for the next time" in write_saved(own_state / "a.json", Preferences())
+    assert "cannot be saved for the next time" in write_saved(own_state / "a.json", Preferences())
 
 
 def test_consoles_that_write_at_once_leave_a_whole_file(own_state: Path) -> None:

@@ -209,7 +209,7 @@ def check_transport(choice: str) -> tuple[selection.TransportKind | None, list[D
         found += [DoctorFinding("problem", "transport", line) for line in error.lines]
     else:
         why = "as asked for" if choice != "auto" else "rclpy is here" if kind == "rclpy" else "rclpy is not here"
-        found.append(DoctorFinding("ok", "transport", f"ROS is spoken by {kind}: {why}"))
+        found.append(DoctorFinding("ok", "transport", f"ROS 2 is reached through {kind}: {why}"))
     wheels = {name: installed_version(name) for name in ("cyclonedds", "rosbags")}
     versions = [f"{name} {number}" for name, number in wheels.items() if number]
     if not missing["dds"]:
@@ -285,7 +285,7 @@ def check_network(environment: Environment, kind: selection.TransportKind | None
     if kind == "dds":
         if environment.get("ROS_DISCOVERY_SERVER"):
             yield DoctorFinding(
-                "warning", "network", "ROS_DISCOVERY_SERVER is set: what is found through it only, `dds` does not find"
+                "warning", "network", "ROS_DISCOVERY_SERVER is set: `dds` does not find programs that only it knows"
             )
         if environment.get("ROS_SECURITY_ENABLE", "").lower() == "true":
             yield DoctorFinding(

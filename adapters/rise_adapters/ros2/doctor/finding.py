@@ -64,7 +64,7 @@ def as_text(findings: Sequence[DoctorFinding], width: int = 100) -> str:
             lines += textwrap.wrap(finding.remedy, width, initial_indent=" " * 9 + "→ ", subsequent_indent=" " * 11)
     counts = [(level, sum(finding.level == level for finding in findings)) for level in ("problem", "warning")]
     problems = [f"{number} {level}{'s' if number != 1 else ''}" for level, number in counts if number]
-    lines.append(", ".join(problems) if problems else "nothing is in the way")
+    lines.append(", ".join(problems) if problems else "no problems found")
     return "\n".join(lines) + "\n"
 
 

@@ -339,7 +339,7 @@ class ActionReader:
             parameter = self._spec.parameters.get(name)
             if parameter is None:
                 known = did_you_mean(name, self._spec.parameters)
-                self._add_mistake(f"values.{name}", f"is no parameter of {self._spec.name}{known}")
+                self._add_mistake(f"values.{name}", f"is not a parameter of {self._spec.name}{known}")
             elif not isinstance(table, dict) or not all(isinstance(each, str | int | float) for each in table.values()):
                 self._add_mistake(f"values.{name}", 'translates values: { fear = "scared" }')
             else:
@@ -347,7 +347,7 @@ class ActionReader:
                 for key in table:
                     if parameter.type == "name" and not accepts_any_name(parameter) and key not in known_here:
                         self._add_mistake(
-                            f"values.{name}.{key}", f"is no name of `{name}`{did_you_mean(key, known_here)}"
+                            f"values.{name}.{key}", f"is not a name of `{name}`{did_you_mean(key, known_here)}"
                         )
                 result[name] = table
         return result

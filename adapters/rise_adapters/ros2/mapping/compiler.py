@@ -112,7 +112,7 @@ class MessageCompiler:
             at = f"{where}.{name}"
             if fields is not None and name not in fields:
                 assert type is not None
-                self._mistakes.add(at, f"is no field of {type.base}{did_you_mean(name, fields)}")
+                self._mistakes.add(at, f"is not a field of {type.base}{did_you_mean(name, fields)}")
             elif (source := self._compile_field(value, fields[name] if fields is not None else None, at)) is not None:
                 sources[name] = source
         return MessageSource(sources)
@@ -191,7 +191,7 @@ class MessageCompiler:
             if not self._spec.parameters:
                 raise ValueError(f"has `{{{slot.name}}}`, and there are no parameters here")
             known = did_you_mean(slot.name, self._spec.parameters)
-            raise ValueError(f"has `{{{slot.name}}}`, which is no parameter of {self._spec.name}{known}")
+            raise ValueError(f"has `{{{slot.name}}}`, which is not a parameter of {self._spec.name}{known}")
         self.used_parameters.add(parameter.name)
         if slot.function:
             check_quaternion(type, in_text=in_text)

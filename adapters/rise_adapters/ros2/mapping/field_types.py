@@ -94,7 +94,7 @@ class FieldTypes:
                     raise PortError(f"cannot be checked: {missing}")
                 return None
             if name not in fields:
-                raise ValueError(f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}")
+                raise ValueError(f"names `{name}`, which is not a field of {inside.base}{did_you_mean(name, fields)}")
             inside = fields[name]
         return inside
 

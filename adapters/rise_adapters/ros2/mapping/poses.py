@@ -137,7 +137,7 @@ def compile_place_value(
             f"has `{{{slot.name}.{slot.key}}}`, and `{slot.name}` names no places; declare it with `place = true`"
         )
     if slot.unit is not None:
-        raise ValueError(f"has `{{{slot.name}.{slot.key}:{slot.unit}}}`; what is said of a place has no unit")
+        raise ValueError(f"has `{{{slot.name}.{slot.key}:{slot.unit}}}`; a property of a place has no unit")
     keys = dict.fromkeys(key for place in places.values() for key in place)
     if places and slot.key not in keys and slot.fallback is None:
         raise ValueError(f"takes `{slot.key}`, which no place has{did_you_mean(slot.key, keys)}")

@@ -118,16 +118,14 @@ def special_fallback(slot: Placeholder) -> str | None:
 def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
     """Return a factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError."""
     if parameter.type not in ("number", "integer"):
-        raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is no number")
+        raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is not a number")
     for sizes in _SIZES.values():
         if parameter.unit in sizes and unit in sizes:
             have, want = sizes[parameter.unit], sizes[unit]
             return (have / want, 1.0) if have >= want else (1.0, want / have)
     known = [each for sizes in _SIZES.values() for each in sizes if each]
     if unit not in known:
-        raise ValueError(
-            f"wants `{parameter.name}` in `{unit}`, which is no unit known here{did_you_mean(unit, known)}"
-        )
+        raise ValueError(f"wants `{parameter.name}` in `{unit}`, which is not a known unit{did_you_mean(unit, known)}")
     declared = f"is declared in `{parameter.unit}`" if parameter.unit else "is declared without a unit"
     raise ValueError(f"wants `{parameter.name}` in `{unit}`, but it {declared}")
 

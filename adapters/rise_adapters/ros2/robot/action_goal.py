@@ -250,7 +250,7 @@ class ActionGoal:
             else:
                 self._end(*endings.of_missing_server(self.endpoint, self._sends))
         elif self.phase == "running":
-            self._end("lost", f"server-gone: what offered {name} went away during the action")
+            self._end("lost", f"server-gone: the server of {name} went away during the action")
 
     def on_server_changed(self) -> None:
         """After a change in the number of servers, check which server has the goal, and whether one was restarted."""

@@ -241,7 +241,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
     """The ending if a cancelled goal did not stop in time."""
     seconds = cancellation.seconds
     if cancellation.confirmed:
-        return "lost", f"cancel-unconfirmed: {name} said that it stops, and did not within {seconds:g} s"
+        return "lost", f"cancel-unconfirmed: {name} said that it would stop, but did not within {seconds:g} s"
     if cancellation.refused_at is not None:
         return "failed", f"cancel-refused: {name} refused to cancel it; it may still be running"
     return "lost", f"cancel-unanswered: {name} did not answer within {seconds:g} s"
@@ -251,7 +251,7 @@ def of_missing_server(endpoint: ActionEndpoint | ServiceEndpoint, sends: int) ->
     """The ending if no server accepted the goal in time. `sends`: how many times it was sent."""
     presence = endpoint.presence
     if sends:
-        why = f"what offers {endpoint.name} went away {times_in_words(sends)} before it took it"
+        why = f"the server of {endpoint.name} went away {times_in_words(sends)} before it accepted the action"
     elif presence.count and not presence.is_settled:
         why = f"{endpoint.name} comes and goes, {times_in_words(presence.recent_losses)} lately"
     else:

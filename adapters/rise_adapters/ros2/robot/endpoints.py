@@ -450,7 +450,7 @@ class TopicEndpoint(_ComparedEndpoint):
     @property
     def trouble(self) -> str:
         return super().trouble or (
-            f"what listens to {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
+            f"the listener of {self.name} {'comes and goes' if self.is_compared else 'has only just been found'}"
         )
 
     def close(self) -> None:

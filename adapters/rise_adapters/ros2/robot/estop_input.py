@@ -169,7 +169,7 @@ class EstopInput:
                 who = _name_all(self._known - self._nodes)
                 why = f"is not published by {who} any more, where it may be pressed: {remedy}"
             case "inherited":
-                why = "was pressed when an engine ended, and nobody knows at which button: press it and let it go"
+                why = "was pressed when an engine ended, and it is unknown at which button: press it and let it go"
                 return f"{what} {why}"
             case _:
                 return ""

@@ -288,7 +288,7 @@ class Ros2Robot:
         :raises PortError: a type is not available there.
         """
         if self._reported is None or self._reported.status != "lost":
-            self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
+            self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'reconnecting'}")
         self._transport = transport
         self._open_estop()  # first, so that the button is heard even if the rest fails
         for endpoint in self._endpoints:

@@ -135,7 +135,7 @@ class TopicGoal:
 
     def on_server_gone(self) -> None:
         if self.phase == "running":
-            self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
+            self._end("lost", f"server-gone: the listener of {self.endpoint.name} went away during the action")
         elif self.phase == "ended":
             self._check_open()
 
@@ -313,7 +313,7 @@ class ServiceGoal:
     def on_server_gone(self) -> None:
         """End the goal. The program may only be out of sight, and continue with the call."""
         if self.phase == "running":
-            self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
+            self._end("lost", f"server-gone: the server of {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
         """End the goal if another program offers the service: the one that had the call is gone."""

@@ -150,7 +150,10 @@ def main() -> None:
         "--dwell", type=_parse_seconds, default=0.8, help="seconds that a look lasts (default: %(default)s)"
     )
     parser.add_argument(
-        "--gap", type=_parse_seconds, default=0.3, help="seconds of a blink, which ends no look (default: %(default)s)"
+        "--gap",
+        type=_parse_seconds,
+        default=0.3,
+        help="seconds of a blink, which does not end a look (default: %(default)s)",
     )
     parser.add_argument(
         "--away", type=_parse_seconds, default=10.0, help="seconds until nobody looks (default: %(default)s)"

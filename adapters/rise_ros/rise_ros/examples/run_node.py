@@ -59,7 +59,7 @@ def node_parser(node: str, about: str) -> ArgumentParser:
     )
     parser.set_defaults(node=node)
     parser.add_argument(
-        "--ros", choices=("auto", "rclpy", "dds"), default="auto", help="how ROS 2 is spoken (default: %(default)s)"
+        "--ros", choices=("auto", "rclpy", "dds"), default="auto", help="how to reach ROS 2 (default: %(default)s)"
     )
     parser.add_argument(
         "--share",

@@ -221,7 +221,7 @@ def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
     findings = Diagnostics()
     if robot is None or (scenario is not None and find_profile(robot, folder) is not None):
         if scenario is None:
-            raise NodeError("which robot? say --robot NAME, or --config DIR for that of a scenario")
+            raise NodeError("which robot? use --robot NAME, or --config DIR for that of a scenario")
         loaded = load(scenario, robot=robot)
         if loaded.scenario is not None:
             return loaded.scenario.robot
@@ -270,7 +270,7 @@ def _parse_speed(text: str) -> float:
 
 
 def main() -> None:
-    parser = node_parser("simulated_robot", "A robot that is not there, on the wire.")
+    parser = node_parser("simulated_robot", "A simulated robot on ROS 2.")
     parser.add_argument("--robot", metavar="NAME|FILE", help="which robot: a profile's name, or a profile")
     parser.add_argument("--config", type=Path, metavar="DIR", help="a scenario: its robot, and its own actions")
     parser.add_argument("--speed", type=_parse_speed, default=1.0, metavar="N", help="how many times faster than real")
@@ -279,7 +279,7 @@ def main() -> None:
         "--busy",
         choices=("wait", "reject"),
         default="wait",
-        help="what becomes of a goal that comes while another of its action runs (default: %(default)s)",
+        help="what happens to a goal that arrives while another one of its action runs (default: %(default)s)",
     )
     parser.add_argument("--log", type=Path, metavar="FILE", help="write what it really does there, as JSON lines")
     run_node(parser, work, prepare=_find_profile)

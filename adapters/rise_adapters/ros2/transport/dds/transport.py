@@ -68,7 +68,7 @@ def parse_ros_arguments(arguments: Sequence[str], node: str) -> RosArguments:
         elif argument in ("-p", "--param"):
             value = _next_value(argument, rest)
             if ":=" not in value:
-                raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
+                raise PortError(f"--ros-args: {value!r} is not a parameter; one looks like name:=value")
         elif argument in _WITH_VALUE:
             _next_value(argument, rest)
         else:
@@ -92,7 +92,7 @@ def _parse_remap(rule: str) -> tuple[str, str, str]:
     """Parse `[node:]from:=to` into the node (empty: all), from, to."""
     source, separator, target = rule.partition(":=")
     if not separator or not source or not target:
-        raise PortError(f"--ros-args: {rule!r} is no remapping; one looks like from:=to")
+        raise PortError(f"--ros-args: {rule!r} is not a remapping; one looks like from:=to")
     node, _, name = source.rpartition(":")
     if "://" in source:
         raise PortError(f"--ros-args: {rule!r}: remappings of rostopic:// and rosservice:// are not supported")

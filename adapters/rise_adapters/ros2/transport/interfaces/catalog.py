@@ -78,7 +78,7 @@ class InterfaceCatalog:
         definition = self.definition(type)
         if definition.is_whole:
             first, others = ("Goal", "_Result and _Feedback") if "/action/" in type else ("Request", "_Response")
-            raise PortError(f"{type} is no message; its messages are {type}_{first}, and the same with {others}")
+            raise PortError(f"{type} is not a message; its messages are {type}_{first}, and the same with {others}")
         return definition
 
     def fields(self, type: str) -> dict[str, str]:

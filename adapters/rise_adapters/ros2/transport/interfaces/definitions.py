@@ -241,7 +241,7 @@ def _check_constant(place: str, type: InterfaceFieldType, text: str) -> None:
         if type.base not in ("bool", "string", "wstring"):
             float(text) if type.base.startswith("float") else int(text, 0)
     except ValueError:
-        raise PortError(f"{place}: {text!r} is no value for a constant of type {type}") from None
+        raise PortError(f"{place}: {text!r} is not a value for a constant of type {type}") from None
 
 
 # --- hashes of types --------------------------------------------------------------------------------------------------
