@@ -235,16 +235,16 @@ def test_a_closed_pipe_ends_quietly(tmp_path: Path) -> None:
 ENCODINGS: tuple[dict[str, str], ...] = (
     {},
     {"LC_ALL": "C"},
+    {"PYTHONIOENCODING": "latin-1"},
     {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
     {"PYTHONIOENCODING": "ascii"},
-    {"PYTHONIOENCODING": "latin-1"},
 )
 HELLO = '<Dialog name="你好"><Speech><actionID>1</actionID><message>你好</message></Speech></Dialog>'
 GREET = ("--act", "Greet", "--set", 'name="\\u4f60"', "--speed", "max")
 
 
 @pytest.mark.search
-@pytest.mark.parametrize("environment", some(ENCODINGS, 2), ids=str)
+@pytest.mark.parametrize("environment", some(ENCODINGS, 3), ids=str)
 def test_terminals_and_names_that_are_not_utf_8(tmp_path: Path, environment: dict[str, str]) -> None:
     odd = folder(tmp_path / "odd")
     try:

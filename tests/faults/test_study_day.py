@@ -15,11 +15,11 @@ ROOT = Path(__file__).parents[2]
 def test_a_handful_of_kills() -> None:
     """`./dev soak --days` goes on for hundreds, at other moments."""
     result = subprocess.run(
-        [sys.executable, "-m", "tests.faults.study_day", "--kills", "8", "--seed", "1", "--exports", "1"],
+        [sys.executable, "-m", "tests.faults.study_day", "--kills", "5", "--seed", "3", "--exports", "0.6"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "kills 8," in result.stdout, result.stdout
+    assert "kills 5," in result.stdout, result.stdout
