@@ -316,31 +316,6 @@ def test_who_waits_goes_on_as_if_there_had_been_no_stop(rules: str, before: list
     assert later_records(runs[0], then) == later_records(runs[1], then)
 
 
-@settings(max_examples=examples(150))
-@given(studies(), steps, st.sampled_from(EVENTS), steps)
-def test_who_enters_again_goes_on_as_if_it_had_just_come(
-    rules: str, before: list[Step], last: str, then: list[Step]
-) -> None:
-    with TemporaryDirectory() as folder:
-        scenario = read(write(Path(folder), rules=rules, acts=ACTS, memory={"n": 0}))
-    runs = [Session(scenario), Session(scenario)]
-    for s in runs:
-        s.rule("R")
-        for step in before:
-            step.do(s)
-        finish(s)
-        if s.goals:
-            return
-        s.lines()
-        s.event(last)
-    entered = [line for line in runs[0].lines("rule") if "entered" in line]
-    if len(entered) != 1:
-        return  # it stayed, or went on by itself
-    stopped(runs[1])
-    release(runs[1], R="enter")
-    assert later_records(runs[0], then) == later_records(runs[1], then)
-
-
 # --- the study of the issue ---
 
 

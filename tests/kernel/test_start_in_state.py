@@ -47,16 +47,6 @@ def test_where_it_begins_and_what_it_does_there(tmp_path: Path, parts: dict[str,
     assert start(session(tmp_path, R, ACTS), **parts) == lines
 
 
-def test_waiting_the_times_run_and_conditions_are_looked_at(tmp_path: Path) -> None:
-    s = session(tmp_path, R, ACTS, {"ready": False})
-    start(s, state="b", enter=False)
-    s.wait(2)
-    assert s.states == {"R": "c"}
-    s.submit("stopInteractionRule", "R")
-    s.assign("ready = true")
-    assert start(s, state="c", enter=False)[-2:] == ["memory over null -> 1", "rule R ended d"]
-
-
 def test_the_record_says_how_it_began_and_the_view_whose_task_it_is(tmp_path: Path) -> None:
     s = session(tmp_path, R, ACTS)
     start(s, state="b", enter=False)
