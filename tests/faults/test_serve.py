@@ -303,34 +303,6 @@ def test_after_a_crash_it_asks_and_then_goes_on_or_begins_anew(root: Path) -> No
     assert again.end() == 0, "nobody is asked twice about a session that was left"
 
 
-TURNS = """<InteractionRule name="Turns" initial="Listen"><State id="Listen">
-  <onEntry><function raiseEventTopic="/early" keep="4s"/></onEntry>
-  <transition while="not session.speaking" after="3s" target="Prompt"/></State>
-<State id="Prompt"><transition eventTopic="/go" target="Late"/></State>
-<State id="Late"><transition eventTopic="/early" target="Late"/></State></InteractionRule>"""
-
-
-def test_what_counts_and_what_is_kept_outlives_a_crash_with_its_remaining_time(root: Path) -> None:
-    study = folder(root / "study")
-    (study / "rules").mkdir(exist_ok=True)
-    (study / "rules" / "turns.xml").write_text(TURNS, "utf-8")
-    it = Serving(study, "--rule", "Turns")
-    wait_for_record(it.record, b'"kind":"countdown"')
-    assert it.end(signal.SIGKILL) == -signal.SIGKILL
-    more = Serving(study, "--recover")
-    wait_for_record(more.record, b'"status":"expired"')
-    assert more.end() == 0
-    lines = [json.loads(line) for line in (more.record / JOURNAL).read_bytes().splitlines()]
-    at = {(each["kind"], each["status"]): each["t"] for each in lines if each.get("kind") in ("kept", "countdown")}
-    begun = at["countdown", "began"]
-    (prompted,) = (each["t"] for each in lines if each.get("kind") == "rule" and each["state"] == "Prompt")
-    (recovered,) = (each["t"] for each in lines if each.get("status") == "recovered")
-    assert begun < recovered and begun + 3 <= prompted, "counted from its beginning, not from the recovery"
-    assert prompted <= at["kept", "expired"] >= at["kept", "kept"] + 4
-    assert [name for name in ("began", "broken", "failed") if ("countdown", name) in at] == ["began"]
-    assert engine("replay", more.record).returncode == 0
-
-
 ASKED = """<InteractionRule name="Asked" initial="Say"><State id="Say">
   <onEntry><function startCommunicationRobotAct="Chat"/></onEntry>
   <transition ended="Chat" outcome="failed" target="Failed"/></State>
