@@ -9,10 +9,9 @@ import pytest
 
 from rise_engine.kernel.inputs import ActionReport, SessionRecovered
 from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.loader import load
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
 from .test_rules import do, on, rule, state
 
 ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10)) + dialog("Gaze", gaze(1))
@@ -45,13 +44,6 @@ def wait_for_pause(s: Session) -> None:
 
 def failures(s: Session) -> list[tuple[str, int | None, str]]:
     return [(r.status, r.by, r.source) for r in s.records if isinstance(r, FailureRecord)]
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 def topics(s: Session) -> list[str]:

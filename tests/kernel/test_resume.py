@@ -15,11 +15,11 @@ from msgspec.structs import asdict
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.view import SessionView, StoodView
+from rise_engine.kernel.view import StoodView
 from rise_engine.scenario.loader import load
 from tests.chance import examples
 
-from .harness import Session, dialog, read, speech, write
+from .harness import Session, dialog, read, speech, view_of, write
 from .test_rules import do, on, rule, session, state
 
 STUDIES = Path(__file__).parents[2] / "scenarios"
@@ -40,13 +40,6 @@ def stopped(s: Session) -> None:
 
 def release(s: Session, **how: str) -> TaskRecord:
     return s.submit("releaseStop", json.dumps(how) if how else "")
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 @pytest.fixture

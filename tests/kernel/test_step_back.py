@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from rise_engine.kernel.history import LEAST_CHANGES, MAX_STEPS, MemoryLog, ValueBefore
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
-from rise_engine.kernel.view import SessionView
 from tests.chance import examples
 
-from .harness import Session, dialog, speech
+from .harness import Session, dialog, speech, view_of
 from .test_rules import do, on, rule, session, state
 
 ACTS = dialog("A", speech(1)) + dialog("B", speech(1))
@@ -32,13 +31,6 @@ R = rule(
 
 def back(s: Session, rule: str = "R", **more: Any) -> TaskRecord:
     return s.submit("stepBack", json.dumps({"rule": rule, **more}))
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 def offered(s: Session) -> dict[str, ValueBefore]:

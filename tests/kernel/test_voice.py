@@ -11,8 +11,8 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ActionReport
 from rise_engine.kernel.records import TimingRecord
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
-from .test_wizard_marks import of, view_of
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
+from .test_wizard_marks import of
 
 ROBOT = """title = "Bob"
 driver = "simulated"

@@ -20,9 +20,9 @@ from rise_engine.kernel.records import (
     TimingRecord,
 )
 from rise_engine.kernel.snapshot import Snapshot
-from rise_engine.kernel.view import CueView, SessionView
+from rise_engine.kernel.view import CueView
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
 from .test_rules import do, on, rule, state
 
 ACTS = (
@@ -59,13 +59,6 @@ def of(s: Session, kind: type) -> list[Any]:
 def press(s: Session, function: str, behavior: str = "", *, pressed: float | None = None, calling: str = "") -> None:
     task = Submit(function=function, behavior=behavior, calling_type=calling, source="wizard:w", pressed=pressed)
     s.do(task)
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 # --- free speech ---
