@@ -53,11 +53,14 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 class Serving:
-    """`rise-engine serve --study` in debug mode, with everything that it says."""
+    """`rise-engine serve --study` in debug mode, with everything that it says.
 
-    def __init__(self, study: Path, *arguments: str, participant: str = "P01") -> None:
+    :param code: instead of the program, with the same arguments.
+    """
+
+    def __init__(self, study: Path, *arguments: str, participant: str = "P01", code: str = "") -> None:
         command = ["serve", "--study", study, "--participant", participant, "--mode", "debug"]
-        self.process = Forked(*command, *arguments, stdout=subprocess.DEVNULL)
+        self.process = Forked(*command, *arguments, stdout=subprocess.DEVNULL, code=code)
         self.said: list[str] = []
         assert self.process.stderr is not None
         while line := self.process.stderr.readline():
@@ -139,8 +142,15 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
         assert replayed.returncode == 0, replayed.stderr
 
 
+SOON_AGAIN = """from rise_engine.cli import main
+from rise_engine.run.server.companions import Companions
+Companions.__init__.__kwdefaults__["again_seconds"] = 0.2
+main()
+"""
+
+
 def test_recorders_that_are_killed_are_on_record_end_and_begin_again_in_a_new_file(study: Path) -> None:
-    serving = Serving(study, "--record")
+    serving = Serving(study, "--record", code=SOON_AGAIN)
     serving.until("camera", "running")
     supervisor, *programs = serving.children
     assert programs
