@@ -57,7 +57,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 class Serving:
-    """`rise-engine serve` in the foreground, until it says that it serves.
+    """`rise-engine serve` in the foreground, with what it says until it serves.
 
     :param code: instead of the program, with the same arguments.
     """
@@ -65,11 +65,14 @@ class Serving:
     def __init__(self, *arguments: object, code: str = "") -> None:
         self.process = Forked("serve", *arguments, stdout=subprocess.DEVNULL, code=code)
         assert self.process.stderr is not None
-        self.report = self.process.stderr.readline()
+        self.said: list[str] = []
+        while not self.said or (self.said[-1] and "the record is in " not in self.said[-1]):
+            self.said.append(self.process.stderr.readline().strip())
+        self.report = self.said[-1]
 
     @property
     def record(self) -> Path:
-        return Path(self.report.strip().partition("the record is in ")[2])
+        return Path(self.report.partition("the record is in ")[2])
 
     def end(self, number: int = signal.SIGTERM) -> int:
         self.process.send_signal(number)
