@@ -34,13 +34,11 @@ from rise_engine.run.server.process import serve
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
-from tests.cli.processes import ENGINE, engine, folder
-from tests.forked import Forked
+from tests.cli.processes import engine, folder
+from tests.forked import DEVNULL, Forked, run_engine
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
-
-TUI = Path(ENGINE).with_name("rise-tui")
 
 
 @pytest.fixture
@@ -63,7 +61,7 @@ class Serving:
     """
 
     def __init__(self, *arguments: object, code: str = "") -> None:
-        self.process = Forked("serve", *arguments, stdout=subprocess.DEVNULL, code=code)
+        self.process = Forked("serve", *arguments, stdout=DEVNULL, code=code)
         assert self.process.stderr is not None
         self.said: list[str] = []
         while not self.said or (self.said[-1] and "the record is in " not in self.said[-1]):
@@ -424,7 +422,7 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(root: 
     assert result.stdout.startswith("apart") and "A session did not end. To go on with it:\n" + command in result.stderr
     assert "begun 20" in result.stderr.partition(command)[2] and str(other) not in result.stderr
     running.end()
-    console = subprocess.run([TUI], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    console = run_engine(module="rise_tui")
     assert console.returncode == 2 and console.stderr.startswith("no session is running; start one with:")
     assert console.stderr.count("rise-tui --config") == 2 and command in console.stderr
 
@@ -509,12 +507,7 @@ def test_systemd_is_told(root: Path) -> None:
         notify.bind(str(path))
         notify.settimeout(PATIENCE)
         environment = {**os.environ, "NOTIFY_SOCKET": str(path)}
-        process = subprocess.Popen(
-            [ENGINE, "serve", folder(root / "study")],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        process = Forked("serve", folder(root / "study"), env=environment, stdout=DEVNULL, stderr=DEVNULL)
         assert notify.recv(100) == b"READY=1"
         process.terminate()
         assert notify.recv(100) == b"STOPPING=1"
