@@ -37,50 +37,38 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-async def test_exit_status_0_has_passed_and_its_first_line_is_the_value(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "echo", 'echo "  0.4 degrees "', "echo more")
-    assert await look(tmp_path, name) == ("passed", "0.4 degrees", "")
-
-
-async def test_another_status_has_failed_and_says_what_the_program_said(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "echo no tracker on USB", "exit 3")
-    assert await look(tmp_path, name) == (
-        "failed",
-        "no tracker on USB",
-        "./check.sh ended with exit status 3",
-    )
-
-
-async def test_where_it_says_nothing_its_errors_are_told(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "echo it burns >&2", "exit 1")
-    assert await look(tmp_path, name) == ("failed", "", "./check.sh ended with exit status 1: it burns")
-    name = script(tmp_path, "mute.sh", "exit 1")
-    assert await look(tmp_path, name) == ("failed", "", "./mute.sh ended with exit status 1, and it said nothing")
-
-
-async def test_no_output_has_passed_too(tmp_path: Path) -> None:
-    assert await look(tmp_path, script(tmp_path, "check.sh", "exit 0")) == ("passed", "", "")
-
-
-async def test_what_a_terminal_would_obey_is_taken_out(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", r"printf '\033]0;owned\007 ok\377\000 fine\n'")
-    result, value, _ = await look(tmp_path, name)
-    assert (result, value) == ("passed", "·]0;owned· ok�· fine")
-
-
-async def test_a_long_line_is_cut_and_a_flood_does_no_harm(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "head -c 3000000 /dev/zero | tr '\\0' x", "echo", "exit 0")
-    result, value, _ = await look(tmp_path, name)
-    assert (result, len(value), value[:3], value[-1]) == ("passed", 200, "xxx", "…")
+@pytest.mark.parametrize(
+    ("lines", "came"),
+    [
+        pytest.param(("echo", 'echo "  0.4 degrees "', "echo more"), ("passed", "0.4 degrees", ""),
+                     id="exit status 0 has passed, and its first line is the value"),
+        pytest.param(("exit 0",), ("passed", "", ""), id="no output has passed too"),
+        pytest.param(("echo no tracker on USB", "exit 3"),
+                     ("failed", "no tracker on USB", "./check.sh ended with exit status 3"),
+                     id="another status has failed, with what the program said"),
+        pytest.param(("echo it burns >&2", "exit 1"), ("failed", "", "./check.sh ended with exit status 1: it burns"),
+                     id="where it says nothing, its errors are told"),
+        pytest.param(("exit 1",), ("failed", "", "./check.sh ended with exit status 1, and it said nothing"),
+                     id="where it has no errors either, that is told"),
+        pytest.param((r"printf '\033]0;owned\007 ok\377\000 fine\n'",), ("passed", "·]0;owned· ok�· fine", ""),
+                     id="what a terminal would obey is taken out"),
+        pytest.param(("head -c 3000000 /dev/zero | tr '\\0' x", "echo", "exit 0"), ("passed", "x" * 199 + "…", ""),
+                     id="a long line is cut, and a flood does no harm"),
+        pytest.param(("cat", "echo read"), ("passed", "read", ""), id="it reads nothing"),
+        pytest.param(("echo early", "exec >&- 2>&-", "sleep 0.2", "exit 4"),
+                     ("failed", "early", "./check.sh ended with exit status 4"),
+                     id="one that closes its output is waited for"),
+        pytest.param(("kill -SEGV $$",), ("failed", "", "SIGSEGV ended ./check.sh, and it said nothing"),
+                     id="a signal is named"),
+    ],
+)  # fmt: skip
+async def test_what_comes_of_a_program(tmp_path: Path, lines: tuple[str, ...], came: tuple[str, str, str]) -> None:
+    assert await look(tmp_path, script(tmp_path, "check.sh", *lines)) == came
 
 
 async def test_it_knows_whom_it_is_for_and_runs_in_the_folder_of_the_study(tmp_path: Path) -> None:
     name = script(tmp_path, "check.sh", 'echo "$RISE_STUDY $RISE_PARTICIPANT $RISE_RUN $1 $(pwd)"')
     assert await look(tmp_path, name, "a b; echo no") == ("passed", f"lab P07 2 a b; echo no {tmp_path}", "")
-
-
-async def test_it_reads_nothing(tmp_path: Path) -> None:
-    assert await look(tmp_path, script(tmp_path, "check.sh", "cat", "echo read")) == ("passed", "read", "")
 
 
 @pytest.fixture
@@ -116,16 +104,6 @@ async def test_what_it_leaves_running_does_not_hold_up_its_result(tmp_path: Path
         assert not is_gone(int((tmp_path / "child").read_text()))
     finally:
         os.kill(int((tmp_path / "child").read_text()), signal.SIGKILL)
-
-
-async def test_one_that_closes_its_output_is_waited_for(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "echo early", "exec >&- 2>&-", "sleep 0.2", "exit 4")
-    assert await look(tmp_path, name) == ("failed", "early", "./check.sh ended with exit status 4")
-
-
-async def test_a_signal_is_named(tmp_path: Path) -> None:
-    name = script(tmp_path, "check.sh", "kill -SEGV $$")
-    assert await look(tmp_path, name) == ("failed", "", "SIGSEGV ended ./check.sh, and it said nothing")
 
 
 async def test_who_gives_up_leaves_nothing_running(tmp_path: Path) -> None:

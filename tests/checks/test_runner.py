@@ -10,7 +10,8 @@ from threading import Event
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.checks.outcome import CheckContext, CheckOutcome
+from rise_engine.checks.devices import look_at_last_session
+from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding
 from rise_engine.checks.runner import append_checked, call_in_background, limit_seconds, report_check, run_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
@@ -115,18 +116,15 @@ async def test_a_driver_that_crashes_is_a_failed_check(tmp_path: Path, drivers: 
 
 
 async def test_a_study_that_is_real_is_not_ready_with_a_simulated_robot(tmp_path: Path) -> None:
+    """What each of the two says in either mode: test_robot.py."""
     of = context(real_study(tmp_path, ""), participant="P01")
-    for kind in ("robot", "sound"):
-        check = StudyCheck(kind, auto=kind)
-        assert (await run_check(check, of)).reason.startswith(
-            "the robot generic is only simulated, and the mode is real"
-        )
-        assert (await run_check(check, replace(of, mode="debug"))).result == "passed"
+    sentence = "the robot generic is only simulated, and the mode is real"
+    assert (await run_check(ROBOT, of)).reason.startswith(sentence)
+    assert (await run_check(StudyCheck("sound", auto="sound"), replace(of, mode="debug"))).result == "passed"
 
 
-async def test_a_study_without_a_session_has_nothing_to_replay(tmp_path: Path) -> None:
-    outcome = await run_check(StudyCheck("replay", auto="replay"), context(real_study(tmp_path, "")))
-    assert (outcome.result, outcome.value) == ("passed", "there is no earlier session")
+def test_a_study_without_a_session_has_nothing_to_replay(tmp_path: Path) -> None:
+    assert look_at_last_session(tmp_path / "sessions") == Finding(True, "there is no earlier session")
 
 
 async def test_the_last_session_replays(tmp_path: Path) -> None:
@@ -136,9 +134,9 @@ async def test_the_last_session_replays(tmp_path: Path) -> None:
     assert outcome.result == "passed" and outcome.value.startswith(f"{made.folder.name}: identical, ")
     journal = made.folder / "journal.jsonl"
     journal.write_bytes(journal.read_bytes().replace(b"the neck is stuck", b"the neck is stick"))
-    outcome = await run_check(check, of)
-    assert (outcome.result, outcome.value) == ("failed", made.folder.name)
-    assert outcome.reason.startswith("the last session ")
+    found = look_at_last_session(made.folder.parent)
+    assert (found.passed, found.value) == (False, made.folder.name)
+    assert found.reason.startswith("the last session ")
 
 
 async def test_what_is_read_of_the_study(tmp_path: Path) -> None:

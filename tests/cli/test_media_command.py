@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord, RecordingRecord, SessionRecord, SyncRecord
+from rise_engine.run.recording import media_files
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.media import MEDIA_FILE, FoundMark, read_media
@@ -39,7 +40,13 @@ def run(*words: object) -> Result:
 
 
 @pytest.fixture
-def sound(tmp_path: Path) -> Path:
+def without_ffmpeg(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A WAV file is read without it, and so are files that are no film: no process is started for them."""
+    monkeypatch.setattr(media_files.shutil, "which", lambda name: None)
+
+
+@pytest.fixture
+def sound(tmp_path: Path, without_ffmpeg: None) -> Path:
     """What a microphone has heard that began 4.5 s before the session, and runs 100 ppm fast."""
     recorded = record_marks([(1, 2.0), (2, 31.0)], offset=4.5, rate=1.0001, seconds=40, noise=0.01, samples=16_000)
     return write_wav(tmp_path / "mic.wav", recorded, 16_000)
@@ -108,6 +115,7 @@ def test_what_was_known_stays_when_nothing_is_found(tmp_path: Path, sound: Path)
         (["12"], -12.0, 1.0, [FoundMark(0, 12.0, 0.0, 0.0)]),
     ],
 )
+@pytest.mark.usefixtures("without_ffmpeg")
 def test_where_somebody_says_that_it_lies(
     tmp_path: Path, at: list[str], offset: float, rate: float, marks: list[FoundMark] | None
 ) -> None:

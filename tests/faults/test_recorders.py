@@ -8,25 +8,24 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rise_engine.base.files import is_locked
 from rise_engine.session.folder import JOURNAL
-from tests.forked import Forked, run_engine
+from tests.forked import run_engine
 from tests.patience import PATIENCE
 from tests.study.studies import DESIGN, write_study
 
+from .test_serve import Serving, root
+
+__all__ = ["root"]
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed here"),
 ]
-ENGINE = str(Path(sys.executable).with_name("rise-engine"))
 RECORDING = """
 [recording]
 nobody = { by = "labrecorder", port = 1 }
@@ -41,34 +40,21 @@ PEOPLE = "participant,consent_study,consent_recording,status,comment\nP01,2026-1
 
 
 @pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    run = Path(tempfile.mkdtemp(prefix="r-", dir="/tmp"))
-    monkeypatch.setenv("RISE_RUNTIME", str(run))
-    write_study(tmp_path / "study", DESIGN + RECORDING, PEOPLE)
-    yield tmp_path / "study"
-    for lock in run.glob("*.lock"):
-        if is_locked(lock):
-            os.kill(int(lock.read_text().split()[0]), signal.SIGKILL)
-    shutil.rmtree(run, ignore_errors=True)
+def study(root: Path) -> Path:
+    write_study(root / "study", DESIGN + RECORDING, PEOPLE)
+    return root / "study"
 
 
-class Serving:
-    """`rise-engine serve --study` in debug mode, with everything that it says."""
+class Recorded(Serving):
+    """`rise-engine serve --study` in debug mode."""
 
-    def __init__(self, study: Path, *arguments: str, participant: str = "P01") -> None:
-        command = ["serve", "--study", study, "--participant", participant, "--mode", "debug"]
-        self.process = Forked(*command, *arguments, stdout=subprocess.DEVNULL)
-        self.said: list[str] = []
-        assert self.process.stderr is not None
-        while line := self.process.stderr.readline():
-            self.said.append(line.strip())
-            if "the record is in " in line:
-                break
-        self.folder = Path(self.said[-1].partition("the record is in ")[2])
+    def __init__(self, study: Path, *arguments: str, participant: str = "P01", code: str = "") -> None:
+        command = ("--study", study, "--participant", participant, "--mode", "debug")
+        super().__init__(*command, *arguments, code=code)
 
     def lines(self, *kinds: str) -> list[dict[str, Any]]:
         found = []
-        for line in (self.folder / JOURNAL).read_bytes().splitlines():
+        for line in (self.record / JOURNAL).read_bytes().splitlines():
             try:
                 found.append(json.loads(line))
             except ValueError:
@@ -84,16 +70,6 @@ class Serving:
             assert time.monotonic() < until and self.process.poll() is None, (self.statuses(name), self.said)
             time.sleep(0.05)
 
-    def end(self, number: int = signal.SIGTERM) -> int:
-        self.process.send_signal(number)
-        return self.wait()
-
-    def wait(self) -> int:
-        assert self.process.stderr is not None
-        code = self.process.wait(PATIENCE)
-        self.process.stderr.close()
-        return code
-
     @property
     def children(self) -> list[int]:
         """The processes that it has started, and theirs."""
@@ -106,7 +82,7 @@ def _descendants(pid: int) -> list[int]:
     return [*direct, *(deeper for each in direct for deeper in _descendants(each))]
 
 
-def acts(serving: Serving) -> list[tuple[Any, ...]]:
+def acts(serving: Recorded) -> list[tuple[Any, ...]]:
     """What happened in the session, without the clock and without what records it."""
     return [
         (each["kind"], each.get("behavior"), each.get("status"), each.get("key"))
@@ -115,7 +91,7 @@ def acts(serving: Serving) -> list[tuple[Any, ...]]:
 
 
 def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: Path) -> None:
-    recorded = Serving(study, "--record", "--act", "Greet")
+    recorded = Recorded(study, "--record", "--act", "Greet")
     assert "recorded by nobody (labrecorder), camera (ffmpeg)" in recorded.said
     recorded.until("camera", "running")
     recorded.until("nobody", "failed")
@@ -123,11 +99,11 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
     assert recorded.statuses("camera") == ["started", "running", "stopped"]
     assert [each["number"] for each in recorded.lines("sync")] == [1, 2]
     stopped = recorded.lines("recording")[-1]
-    assert (recorded.folder / stopped["path"]).stat().st_size == stopped["bytes"]
-    assert [each["name"] for each in json.loads((recorded.folder / "media.json").read_bytes())] == ["camera"]
+    assert (recorded.record / stopped["path"]).stat().st_size == stopped["bytes"]
+    assert [each["name"] for each in json.loads((recorded.record / "media.json").read_bytes())] == ["camera"]
     last = recorded.lines("session", "recording", "sync")[-1]
     assert (last["kind"], last["status"]) == ("session", "ended")  # everything was over before it
-    plain = Serving(study, "--no-record", "--act", "Greet")
+    plain = Recorded(study, "--no-record", "--act", "Greet")
     until = time.monotonic() + PATIENCE
     while ("task", "Greet", "SUCCEEDED", None) not in acts(plain):
         assert time.monotonic() < until
@@ -135,12 +111,19 @@ def test_a_session_is_the_same_with_recorders_and_ends_with_whole_files(study: P
     assert plain.end() == 0
     assert acts(plain) == acts(recorded) and plain.lines("recording") == []
     for each in (recorded, plain):
-        replayed = run_engine("replay", each.folder)
+        replayed = run_engine("replay", each.record)
         assert replayed.returncode == 0, replayed.stderr
 
 
+SOON_AGAIN = """from rise_engine.cli import main
+from rise_engine.run.server.companions import Companions
+Companions.__init__.__kwdefaults__["again_seconds"] = 0.2
+main()
+"""
+
+
 def test_recorders_that_are_killed_are_on_record_end_and_begin_again_in_a_new_file(study: Path) -> None:
-    serving = Serving(study, "--record")
+    serving = Recorded(study, "--record", code=SOON_AGAIN)
     serving.until("camera", "running")
     supervisor, *programs = serving.children
     assert programs
@@ -164,7 +147,7 @@ def _runs(pid: int) -> bool:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process that its parent has died")
 def test_nothing_records_any_longer_when_all_is_killed_at_once(study: Path) -> None:
-    serving = Serving(study, "--record")
+    serving = Recorded(study, "--record")
     serving.until("camera", "running")
     supervisor, *programs = serving.children
     assert programs
@@ -178,23 +161,23 @@ def test_nothing_records_any_longer_when_all_is_killed_at_once(study: Path) -> N
 
 
 def test_after_a_crash_of_the_engine_it_records_into_a_new_file(study: Path) -> None:
-    first = Serving(study, "--record")
+    first = Recorded(study, "--record")
     first.until("camera", "running")
     children = first.children
     first.end(signal.SIGKILL)
-    again = Serving(study, "--record", "--session", str(first.folder))
+    again = Recorded(study, "--record", "--session", str(first.record))
     again.until("camera", "running", times=2)
     assert again.end() == 0
     paths = list(dict.fromkeys(each["path"] for each in again.lines("recording") if each["name"] == "camera"))
-    stem = f"recordings/{first.folder.name}_camera"
+    stem = f"recordings/{first.record.name}_camera"
     assert paths == [f"{stem}.mkv", f"{stem}_2.mkv"]
-    files = {each["path"] for each in json.loads((again.folder / "media.json").read_bytes())}
+    files = {each["path"] for each in json.loads((again.record / "media.json").read_bytes())}
     assert files == set(paths)
     assert not any(_runs(pid) for pid in children)
 
 
 def test_a_second_signal_does_not_wait_for_recorders(study: Path) -> None:
-    serving = Serving(study, "--record")
+    serving = Recorded(study, "--record")
     serving.until("camera", "running")
     supervisor = serving.children[0]
     os.kill(supervisor, signal.SIGSTOP)  # it hangs
@@ -205,9 +188,9 @@ def test_a_second_signal_does_not_wait_for_recorders(study: Path) -> None:
 
 
 def test_one_who_has_not_consented_is_not_recorded_which_is_said_before_and_on_record(study: Path) -> None:
-    serving = Serving(study, "--record", participant="P02")
+    serving = Recorded(study, "--record", participant="P02")
     why = "nothing is recorded: P02 has not consented to it (consent_recording of participants.csv has no date)"
     assert why in serving.said
     assert serving.end() == 0
     assert [each["text"] for each in serving.lines("note")].count(why) == 1
-    assert serving.lines("recording") == [] and not (serving.folder / "recordings").exists()
+    assert serving.lines("recording") == [] and not (serving.record / "recordings").exists()

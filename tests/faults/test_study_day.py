@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.forked import run_engine
 
 ROOT = Path(__file__).parents[2]
 
@@ -14,12 +14,8 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.slow
 def test_a_handful_of_kills() -> None:
     """`./dev soak --days` goes on for hundreds, at other moments."""
-    result = subprocess.run(
-        [sys.executable, "-m", "tests.faults.study_day", "--kills", "8", "--seed", "1", "--exports", "1"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
+    result = run_engine(
+        "--kills", "5", "--seed", "3", "--exports", "0.6", module="tests.faults.study_day", cwd=ROOT, timeout=None
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "kills 8," in result.stdout, result.stdout
+    assert "kills 5," in result.stdout, result.stdout

@@ -35,12 +35,7 @@ class Session(Serving):
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
-        assert self.process.stderr is not None
-        lines = [self.report]
-        while lines[-1] and "the record is in " not in lines[-1]:  # first a check, or what a recovery found
-            lines.append(self.process.stderr.readline())
-        self.report = lines[-1]
-        assert self.report, "".join(lines)
+        assert self.report, self.said
         self.wait_until(lambda: first_input(self.record) is not None)
 
     def wait_until(self, condition: Callable[[], bool]) -> None:

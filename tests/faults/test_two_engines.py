@@ -30,15 +30,14 @@ from rise_engine.session.folder import JOURNAL, find_unfinished, running_session
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock, JournalLockedError, file_system, read_holder
 from rise_engine.session.recovery import recover
-from tests.cli.processes import ENGINE, engine, folder
-from tests.forked import Forked
+from tests.cli.processes import engine, folder
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
 from .test_serve import Serving, wait_for_record
 
 pytestmark = pytest.mark.slow
 
-TUI = Path(ENGINE).with_name("rise-tui")
 RUNNING = " is running: "
 """What is said to whoever is refused; then which process it is, or "another program" when that has only just begun and
 not yet written who it is."""
@@ -369,8 +368,7 @@ def test_where_nothing_can_be_locked_it_is_asked_too(runtimes: Runtimes, monkeyp
 
 def test_here_goes_with_a_recovery() -> None:
     assert "--here goes with" in engine("serve", ".", "--here").stderr
-    tui = subprocess.run([TUI, "--config", ".", "--here"], capture_output=True, text=True, check=False)
-    assert "--here goes with" in tui.stderr
+    assert "--here goes with" in run_engine("--config", ".", "--here", module="rise_tui").stderr
 
 
 MOUNTS = r"""22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 
@@ -232,3 +234,15 @@ def short(record: AnyRecord) -> str:
             return f"note {record.text}"
         case _:
             return ""
+
+
+def folded(records: Iterable[AnyRecord]) -> SessionView:
+    """The state of a session, from its records alone."""
+    view = SessionView()
+    for record in records:
+        view.apply(record)
+    return view
+
+
+def view_of(s: Session) -> SessionView:
+    return folded(s.records)

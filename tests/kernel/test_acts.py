@@ -48,31 +48,6 @@ def test_the_greeting_of_listing_1_runs_on_three_levels(tmp_path: Path) -> None:
     ]
 
 
-def test_every_action_has_started_accepted_and_one_ending_in_its_record(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", speech(1)))
-    s.act("A")
-    s.report("1/1", "accepted")
-    s.report("1/1")
-    s.report("1/1")
-    s.report("1/1", "failed", "too late")
-    assert s.lines("action") == ["action A/1 started", "action A/1 accepted", "action A/1 succeeded"]
-
-
-def test_an_action_waits_for_all_that_it_names(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", speech(1), gaze(2), speech(3, wait="1, 2")))
-    s.act("A")
-    s.report("1/2")
-    assert "1/3" not in s.goals
-    s.report("1/1")
-    assert "1/3" in s.goals
-
-
-def test_file_order_breaks_ties_only(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", speech(3, wait="9"), gaze(7), speech(9)))
-    s.act("A")
-    assert list(s.goals) == ["1/7", "1/9"]
-
-
 @pytest.mark.parametrize("ending", ["failed", "canceled", "timed-out", "lost"])
 def test_a_bad_ending_ends_the_act(tmp_path: Path, ending: str) -> None:
     s = session(tmp_path, dialog("A", speech(1), gaze(2), speech(3, wait="1")))
@@ -86,24 +61,6 @@ def test_a_bad_ending_ends_the_act(tmp_path: Path, ending: str) -> None:
     assert lines[-1] == f"task act A ABORTED (action 1 (Speech) {ending}: why)"
 
 
-def test_on_failure_continue_lets_the_successors_start(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", speech(1, more="<onFailure>continue</onFailure>"), speech(2, wait="1")))
-    s.act("A")
-    s.report("1/1", "failed", "no voice")
-    s.report("1/2")
-    assert s.lines("task")[-1] == "task act A SUCCEEDED"
-
-
-def test_a_wait_runs_in_the_engine(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", pause(1, 1500), speech(2, wait="1")))
-    s.act("A")
-    assert not s.goals
-    s.wait(1.4)
-    assert not s.goals
-    s.wait(0.1)
-    assert list(s.goals) == ["1/2"]
-
-
 @pytest.mark.parametrize("status", ["accepted", "succeeded", "failed", "canceled", "lost"])
 def test_a_wait_is_no_goal_of_the_robot(tmp_path: Path, status: str) -> None:
     s = session(tmp_path, dialog("A", pause(1, 1500)))
@@ -113,13 +70,6 @@ def test_a_wait_is_no_goal_of_the_robot(tmp_path: Path, status: str) -> None:
     assert s.lines() == []
     s.wait(1.5)
     assert s.lines("action") == ["action A/1 succeeded"]
-
-
-def test_a_wait_of_no_time_ends_at_once(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", pause(1, 0)))
-    s.act("A")
-    assert s.lines("task")[-1] == "task act A SUCCEEDED"
-    assert not s.timers
 
 
 def test_cancelling_stops_what_runs_and_skips_the_rest(tmp_path: Path) -> None:
@@ -137,17 +87,6 @@ def test_cancelling_stops_what_runs_and_skips_the_rest(tmp_path: Path) -> None:
         "action A/3 skipped (cancelled by wizard:w)",
         "action A/1 canceled",
         "task act A CANCELED (cancelled by wizard:w)",
-    ]
-
-
-def test_a_goal_that_succeeds_while_it_is_cancelled_is_recorded_as_it_was(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", speech(1)))
-    s.act("A")
-    s.submit("stopCommunicationRobotAct", "A")
-    s.report("1/1", "succeeded")
-    assert s.lines("action", "task")[-2:] == [
-        "action A/1 succeeded",
-        "task act A CANCELED (stopped by wizard:w)",
     ]
 
 
@@ -198,14 +137,6 @@ def test_memory_values_are_filled_in(tmp_path: Path, text: str, memory: dict[str
     s = session(tmp_path, dialog("A", speech(1, text)), memory=memory)
     s.act("A")
     assert s.goals["1/1"].parameters["message"] == spoken
-
-
-def test_the_value_is_read_when_the_action_starts(tmp_path: Path) -> None:
-    s = session(tmp_path, dialog("A", pause(1, 1000), speech(2, "{x}", wait="1")), memory={"x": "early"})
-    s.act("A")
-    s.assign('x = "late"')
-    s.wait(1)
-    assert s.goals["1/2"].parameters["message"] == "late"
 
 
 def test_a_missing_key_fails_the_action_and_is_named(tmp_path: Path) -> None:

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ActionReport, SessionRecovered
 from rise_engine.kernel.records import EventRecord, FailureRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.loader import load
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
 from .test_rules import do, on, rule, state
 
 ACTS = dialog("A", speech(1)) + dialog("B", speech(1)) + dialog("Wait", pause(1, 10)) + dialog("Gaze", gaze(1))
@@ -48,22 +46,8 @@ def failures(s: Session) -> list[tuple[str, int | None, str]]:
     return [(r.status, r.by, r.source) for r in s.records if isinstance(r, FailureRecord)]
 
 
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
-
-
 def topics(s: Session) -> list[str]:
     return [record.topic for record in s.records if isinstance(record, EventRecord)]
-
-
-def test_without_a_word_the_rules_hear_of_it_at_once(tmp_path: Path) -> None:
-    s = Session(read(write(tmp_path, rules=R, acts=ACTS)))
-    s.rule("R")
-    fail(s)
-    assert (s.states, failures(s)) == ({"R": "bad"}, [])
 
 
 def test_asked_nothing_is_raised_until_somebody_goes_on(tmp_path: Path) -> None:
@@ -133,32 +117,6 @@ def test_a_step_back_that_stops_the_acts_makes_the_question_void(tmp_path: Path,
     assert view_of(s).questions == list(s.kernel.failures.state.asked) == ([] if stop_acts else [id])
 
 
-def test_an_act_that_no_rule_has_started(tmp_path: Path) -> None:
-    listens = rule("S", state("a", "", on("/A_end", "b")), state("b", "", on("/x", "a")))
-    s = session(tmp_path, rules=listens)
-    s.rule("S")
-    s.act("A")
-    id = fail(s)
-    assert s.submit("stopRuleOfAct", str(id)).reason == "no rule that runs has started A"
-    s.submit("stopInteractionRule", "S")
-    assert view_of(s).questions == [id], "another rule's stop does not matter"
-    s.rule("S")
-    s.submit("goOn", "A")
-    assert s.states == {"S": "b"}
-
-
-def test_a_rule_that_has_ended_is_not_the_one_that_was_started_anew(tmp_path: Path) -> None:
-    once = rule("R", state("a", do("startCommunicationRobotAct", "A"), on("/x", "b")), state("b"))
-    s = session(tmp_path, rules=once)
-    s.rule("R")
-    s.event("x")
-    id = fail(s)
-    s.submit("startInteractionRule", '{"rule": "R", "enter": false}')
-    assert s.submit("stopRuleOfAct", str(id)).status == "REJECTED"
-    s.submit("stopInteractionRule", "R")
-    assert view_of(s).questions == [id]
-
-
 def test_repeating_by_itself_and_then_going_on(tmp_path: Path) -> None:
     s = session(tmp_path, "repeat:2")
     s.rule("R")
@@ -179,60 +137,6 @@ def test_repeating_by_itself_and_then_going_on(tmp_path: Path) -> None:
     assert view_of(s).failed == [ids[2]], "the wizard sees that it failed"
     last = [r for r in s.records if isinstance(r, FailureRecord)][-1]
     assert last.reason == "failed 3 times"
-
-
-def begun(s: Session) -> list[str]:
-    tasks = [r for r in s.records if isinstance(r, TaskRecord) and r.function == "startCommunicationRobotAct"]
-    return [task.behavior for task in tasks if task.status == "ACTIVE"]
-
-
-def test_in_its_pause_an_act_keeps_its_place(tmp_path: Path) -> None:
-    s = session(tmp_path, "repeat:1")
-    for act in ("A", "B", "Gaze"):
-        s.act(act)
-    fail(s)
-    s.act("Gaze", "None")
-    assert begun(s) == ["A", "Gaze"], "what needs nothing of it starts"
-    s.finish_all()
-    assert begun(s) == ["A", "Gaze"] and s.kernel.is_busy
-    wait_for_pause(s)
-    s.finish_all()
-    assert begun(s) == ["A", "Gaze", "A", "B", "Gaze"]
-
-
-@pytest.mark.parametrize(
-    ("calling", "other", "ends"),
-    [("Blocking", "Interrupt", True), ("None", "Blocking", True), ("Blocking", "None", False)],
-)
-def test_in_its_pause_an_act_gives_way_as_if_it_ran(tmp_path: Path, calling: str, other: str, ends: bool) -> None:
-    s = session(tmp_path, "repeat:1")
-    s.act("A", calling)
-    fail(s)
-    s.act("B", other)
-    assert begun(s) == (["A", "B"] if ends else ["A"])
-    assert [status for status, _, _ in failures(s)] == (["waiting", "gone-on"] if ends else ["waiting"])
-
-
-@pytest.mark.parametrize("function", ["goOn", "stopInteractionRule", "stopCommunicationRobotAct"])
-def test_who_ends_a_pause_lets_others_start(tmp_path: Path, function: str) -> None:
-    s = session(tmp_path, "repeat:1")
-    s.rule("R")
-    s.act("B")
-    fail(s)
-    assert begun(s) == ["A"]
-    s.submit(function, "R" if function == "stopInteractionRule" else "A")
-    assert begun(s) == ["A", "B"]
-
-
-def test_what_has_waited_for_the_robot_is_repeated_in_its_order(tmp_path: Path) -> None:
-    s = session(tmp_path, "repeat:1")
-    s.robot("lost")
-    for act in ("B", "A", "B"):
-        s.act(act)
-    s.robot("connected")
-    s.wait(2)
-    s.finish_all()
-    assert begun(s) == ["B", "A", "B"] * 2
 
 
 def test_pauses_are_twice_as_long_each_time_up_to_a_limit(tmp_path: Path) -> None:
@@ -274,16 +178,6 @@ def test_what_is_not_ours_to_repeat_is_asked_however_often_it_was_repeated(
     s.submit("repeatAct", "A")
     s.finish_all()
     assert s.states == {"R": "good"}
-
-
-def test_an_action_that_may_fail_does_not_hide_who_has_ended_it(tmp_path: Path) -> None:
-    carry_on = "<onFailure>continue</onFailure>"
-    acts = dialog("A", speech(1, more=carry_on), speech(2, wait="1"))
-    s = Session(read(write(tmp_path, acts=acts, toml='on_failure = "repeat:1"')))
-    s.act("A")
-    s.report("1/1", "canceled")
-    s.report("1/2", "failed")
-    assert failures(s) == [("asked", None, "engine")]
 
 
 @pytest.mark.parametrize("lost", ["while it runs", "in its pause"])
@@ -329,17 +223,6 @@ def test_what_waits_to_be_repeated_can_be_stopped(tmp_path: Path, function: str,
     assert (view_of(s).questions, view_of(s).repeats, s.timers) == ([], {}, {})
 
 
-def test_a_question_without_repetition_is_not_stopped_with_the_act(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.act("A")
-    id = fail(s)
-    assert [s.submit(*each).status for each in (("stopCommunicationRobotAct", "A"), ("cancelTask", str(id)))] == [
-        "REJECTED",
-        "REJECTED",
-    ]
-    assert view_of(s).questions == [id]
-
-
 def test_stops_and_free_speech_are_never_asked_about(tmp_path: Path) -> None:
     s = session(tmp_path)
     s.rule("R")
@@ -354,23 +237,6 @@ def test_stops_and_free_speech_are_never_asked_about(tmp_path: Path) -> None:
 def test_an_act_may_have_its_own_word_and_so_may_a_pattern(tmp_path: Path) -> None:
     s = session(tmp_path, "ask", toml='[act."A*"]\non_failure = "go_on"\n[act.B]\nhold = true\n')
     assert [s.scenario.failure_policy(act).kind for act in ("A", "B", "Wait")] == ["go_on", "ask", "ask"]
-
-
-@pytest.mark.parametrize("on_failure", ["ask", "repeat:1"])
-def test_a_kernel_that_goes_on_from_a_snapshot_knows_the_question(tmp_path: Path, on_failure: str) -> None:
-    s = session(tmp_path, on_failure)
-    s.rule("R")
-    id = fail(s)
-    later = Session(s.scenario, kernel=Kernel.restore(s.scenario, s.kernel.snapshot()))
-    later.timers = dict(s.timers)
-    for each in (s, later):
-        if on_failure == "ask":
-            each.submit("repeatAct", str(id))
-        else:
-            wait_for_pause(each)
-        each.finish_all()
-        assert each.states == {"R": "good"}
-    assert later.records == s.records[-len(later.records) :]
 
 
 @pytest.mark.parametrize("written", ['"repeat"', '"repeat:0"', '"repeat:11"', '"asks"', "true", '"repeat:²"'])

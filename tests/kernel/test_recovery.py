@@ -110,18 +110,6 @@ def test_an_act_that_begins_by_the_recovery_cancels_what_it_has_begun(session: S
     assert_one_ending_each(session)
 
 
-def test_waits_of_the_engine_go_on_with_the_time_that_was_left(session: Session) -> None:
-    session.act("Wait")
-    session.wait(3)
-    assert recover(session) == []
-    session.wait(1.9)
-    assert session.lines() == []
-    session.wait(0.1)
-    assert session.lines() == ["action Wait/1 succeeded", "action Wait/2 started"]
-    session.finish_all()
-    assert session.lines()[-1] == "task act Wait SUCCEEDED"
-
-
 def test_an_act_that_waits_and_moves_loses_only_what_the_robot_did(session: Session) -> None:
     """Its act fails by that, so the wait is cancelled, as with every action that fails."""
     session.act("Both")
@@ -132,28 +120,6 @@ def test_an_act_that_waits_and_moves_loses_only_what_the_robot_did(session: Sess
     ]
     assert session.timers == {}
     assert_one_ending_each(session)
-
-
-def test_timers_of_rules_are_kept(session: Session) -> None:
-    session.rule("Clock")
-    session.wait(4)
-    assert recover(session) == []
-    session.wait(5.9)
-    assert session.states == {"Clock": "Tick"}
-    session.wait(0.1)
-    assert session.states == {"Clock": "Tock"}
-
-
-def test_rules_that_wait_for_the_lost_act_go_on(session: Session) -> None:
-    session.rule("Clock")
-    session.act("Talk")
-    assert "rule Clock entered Over from Tick on /Talk_end" in recover(session)
-
-
-def test_the_memory_is_kept(session: Session) -> None:
-    session.assign("mood = 'bad'")
-    recover(session)
-    assert session.memory == {"mood": "bad"}
 
 
 def test_the_latch_holds_and_the_robot_is_asked_again(session: Session) -> None:
@@ -192,23 +158,6 @@ def test_a_stop_without_answer_is_asked_for_again(session: Session) -> None:
     session.wait(3)
     assert session.kernel.stop.status == "latched"
     assert session.lines("stop") == ["stop latched [] ['generic']"]
-    assert_one_ending_each(session)
-
-
-def test_a_robot_that_was_away_stays_away(session: Session) -> None:
-    session.robot("lost", "unplugged")
-    recover(session)
-    session.act("Nod")
-    assert "task act Nod ABORTED" in " ".join(session.lines())
-    session.robot("connected")
-    session.act("Nod")
-    assert session.goals
-
-
-def test_twice_in_a_row(session: Session) -> None:
-    session.act("Talk")
-    recover(session)
-    assert recover(session) == []
     assert_one_ending_each(session)
 
 

@@ -69,13 +69,3 @@ def test_the_lists_fit_the_stack(seed: int) -> None:
         check(kernel)
         promoted += function == "raiseEventTopic" and kernel.rules.stack.top is not top
     assert promoted, "another rule has taken an event"
-
-
-def test_the_lists_are_the_same_after_a_snapshot() -> None:
-    study = scenario(Random(1))
-    kernel = Kernel(study, 1)
-    for name in RULES:
-        kernel.handle(Submit(function="startInteractionRule", behavior=name))
-    kernel.handle(Submit(function="raiseEventTopic", behavior="a"))
-    assert len(kernel.rules.stack) == len(RULES)
-    check(Kernel.restore(study, kernel.snapshot()))

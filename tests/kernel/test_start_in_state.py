@@ -9,10 +9,9 @@ import pytest
 
 from rise_engine.kernel.behaviors import BehaviorError, RuleStart, describe_behavior, read_rule_start
 from rise_engine.kernel.records import RuleRecord
-from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.loader import load
 
-from .harness import Session, dialog, read, speech, write
+from .harness import Session, dialog, read, speech, view_of, write
 from .test_rules import do, on, rule, session, state
 
 ACTS = dialog("A", speech(1)) + dialog("B", speech(1))
@@ -47,24 +46,12 @@ def test_where_it_begins_and_what_it_does_there(tmp_path: Path, parts: dict[str,
     assert start(session(tmp_path, R, ACTS), **parts) == lines
 
 
-def test_waiting_the_times_run_and_conditions_are_looked_at(tmp_path: Path) -> None:
-    s = session(tmp_path, R, ACTS, {"ready": False})
-    start(s, state="b", enter=False)
-    s.wait(2)
-    assert s.states == {"R": "c"}
-    s.submit("stopInteractionRule", "R")
-    s.assign("ready = true")
-    assert start(s, state="c", enter=False)[-2:] == ["memory over null -> 1", "rule R ended d"]
-
-
 def test_the_record_says_how_it_began_and_the_view_whose_task_it_is(tmp_path: Path) -> None:
     s = session(tmp_path, R, ACTS)
     start(s, state="b", enter=False)
     triggers = [record.trigger for record in s.records if isinstance(record, RuleRecord)]
     assert triggers == ["start, without onEntry"] * 2
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
+    view = view_of(s)
     assert (view.rules["R"].state, view.rules["R"].task) == ("b", s.kernel.rules.stack["R"].task.id)
 
 

@@ -10,14 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rise_engine.kernel import Kernel
 from rise_engine.kernel.history import LEAST_CHANGES, MAX_STEPS, MemoryLog, ValueBefore
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
-from rise_engine.kernel.view import SessionView
 from tests.chance import examples
 
-from .harness import Session, dialog, speech
+from .harness import Session, dialog, speech, view_of
 from .test_rules import do, on, rule, session, state
 
 ACTS = dialog("A", speech(1)) + dialog("B", speech(1))
@@ -33,13 +31,6 @@ R = rule(
 
 def back(s: Session, rule: str = "R", **more: Any) -> TaskRecord:
     return s.submit("stepBack", json.dumps({"rule": rule, **more}))
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 def offered(s: Session) -> dict[str, ValueBefore]:
@@ -158,15 +149,6 @@ def test_after_a_stop_the_steps_from_before_are_known(s: Session) -> None:
     assert set(offered(s)) == {"n", "other", "left", "new"}
     back(s, enter=False, take_back=["n"])
     assert (s.states, s.memory["n"]) == ({"R": "b"}, 1)
-
-
-def test_a_kernel_that_goes_on_from_a_snapshot_steps_back_as_well(s: Session) -> None:
-    later = Session(s.scenario, kernel=Kernel.restore(s.scenario, s.kernel.snapshot()))
-    for each in (s, later):
-        back(each, take_back=["n", "other"])
-        back(each, enter=False, take_back=["n"])
-    assert later.records == s.records[-len(later.records) :]
-    assert later.states == {"R": "a"}
 
 
 def test_so_many_steps_are_kept_and_not_more(tmp_path: Path) -> None:

@@ -21,10 +21,9 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, SessionRecord
 from rise_engine.kernel.snapshot import Snapshot
-from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 
-from .harness import dialog, read, speech, write
+from .harness import dialog, folded, read, speech, write
 from .test_rules import on, rule, state
 
 MEMORY: dict[str, Any] = {"hesitation": False, "name": "Ada"}
@@ -174,9 +173,7 @@ def test_a_view_remembers_the_last_word(tmp_path: Path) -> None:
     ]
     for report in again:
         records += kernel.handle(report)[0]
-    view = SessionView()
-    for record in records:
-        view.apply(record)
+    view = folded(records)
     assert [(each.id, each.result) for each in view.checks.values()] == [("lights", "skipped"), ("disk", "passed")]
     assert {name: (each.status, each.bytes) for name, each in view.recordings.items()} == {"camera": ("running", 10)}
     assert view.sync is not None and view.sync.number == 1

@@ -12,9 +12,8 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ActionRecord, ConditionRecord, MemoryRecord, NoteRecord
 from rise_engine.kernel.rng import Rng
-from rise_engine.kernel.view import SessionView
 
-from .harness import Session, dialog, read, speech, write
+from .harness import Session, dialog, read, speech, view_of, write
 from .test_rules import do, on, put, rule, state
 
 ITEMS = "id,text,condition\n1,one,A\n2,two,B\n3,,A\n"
@@ -39,9 +38,7 @@ def test_a_table_is_memory_without_a_record(tmp_path: Path) -> None:
     s = session(tmp_path)
     assert s.memory["items"][1] == {"id": 2, "text": "two", "condition": "B"}
     assert "items" not in {each.key for each in s.records if isinstance(each, MemoryRecord)}
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
+    view = view_of(s)
     assert set(view.memory) == set(MEMORY)
 
 
@@ -71,12 +68,6 @@ def test_a_condition_records_what_it_has_read(tmp_path: Path, text: str, expecte
     assert list(values) == sorted(values)
 
 
-def test_the_next_condition_has_its_own_values_only(tmp_path: Path) -> None:
-    s = session(tmp_path, waiting("items[i].id = 9", '<transition cond="i = 7 and n = 8" target="b"/>'))
-    s.rule("R")
-    assert [values for values, _, _ in conditions(s)] == [{"i": 0, "items[i].id": 1}, {"i": 0, "n": 0}]
-
-
 def test_what_is_missing_makes_a_condition_false_and_is_recorded(tmp_path: Path) -> None:
     s = session(tmp_path, waiting("items[i].id = 1 and items[i + 7].id = 1"))
     s.rule("R")
@@ -90,16 +81,6 @@ def test_what_is_missing_makes_a_condition_false_and_is_recorded(tmp_path: Path)
     ]
 
 
-@pytest.mark.parametrize("change", ["i = 1", "order[0] = 1", "order.0 = 1", '{"order": [1]}'])
-def test_a_change_of_a_key_or_of_a_part_is_looked_at(tmp_path: Path, change: str) -> None:
-    s = session(tmp_path, waiting("items[order[i]].id = 2"))
-    s.rule("R")
-    s.assign("n = 1")
-    assert len(conditions(s)) == 1, "it does not stand in it"
-    s.assign(change)
-    assert s.states == {"R": "b"} and len(conditions(s)) == 2
-
-
 def test_what_the_engine_keeps_is_read_by_index_too(tmp_path: Path) -> None:
     s = session(tmp_path, waiting("session['speaking']"), dialog("Say", speech(1)))
     s.rule("R")
@@ -109,15 +90,6 @@ def test_what_the_engine_keeps_is_read_by_index_too(tmp_path: Path) -> None:
     s.event("/x")
     assert conditions(s)[-1] == ({"session['speaking']": False}, False, "")
     assert s.assign("session['speaking'] = true").status == "REJECTED"
-
-
-def test_a_part_is_set_and_recorded_as_a_change_of_its_key(tmp_path: Path) -> None:
-    s = session(tmp_path, rule("R", state("a", put("marks[i + 1].done = true") + put("scores[items[i].text] = 5"))))
-    s.rule("R")
-    assert s.lines("memory") == [
-        'memory marks [{"done": false}, {"done": false}] -> [{"done": false}, {"done": true}]',
-        'memory scores {} -> {"one": 5}',
-    ]
 
 
 def test_a_part_that_is_not_there_ends_an_assignment(tmp_path: Path) -> None:

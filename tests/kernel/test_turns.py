@@ -27,7 +27,7 @@ from rise_engine.scenario.model import Scenario
 from tests.chance import examples
 
 from .harness import Session, dialog, read, speech, write
-from .test_rules import do, on, rule, session, state
+from .test_rules import on, rule, session, state
 
 TALK = dialog("A", speech(1), speech(2, "And more", "1"))
 
@@ -162,56 +162,6 @@ def test_eight_seconds_without_interruption(tmp_path: Path) -> None:
     assert counts(s) == ["0 began", "5 broken", "7 began", "14.9 broken", "17.9 began"]
 
 
-def test_it_counts_from_when_it_began_to_hold(tmp_path: Path) -> None:
-    s = session(tmp_path, waits(after("2s", held="ready")), memory={"ready": False})
-    s.rule("R")
-    s.wait(10)
-    s.assign("ready = true")
-    s.wait(1.9)
-    s.assign("ready = 1")
-    assert s.states == {"R": "a"}
-    s.wait(0.1)
-    assert s.states == {"R": "b"}, "another value that holds as well is no interruption"
-
-
-def test_without_a_target_it_is_taken_once_each_time_that_it_has_held(tmp_path: Path) -> None:
-    way = f'<transition while="ready" after="1s">{do("assignValue", "n = n + 1")}</transition>'
-    s = session(tmp_path, rule("R", state("a", "", way)), memory={"ready": True, "n": 0})
-    s.rule("R")
-    s.wait(10)
-    assert s.memory["n"] == 1
-    s.assign("ready = false")
-    s.assign("ready = true")
-    s.wait(10)
-    assert s.memory["n"] == 2
-    assert counts(s) == ["0 began", "10 broken", "10 began"]
-
-
-def test_a_condition_at_the_end_of_the_time(tmp_path: Path) -> None:
-    s = session(tmp_path, waits(after("1s", held="ready", more='cond="go"')), memory={"ready": True, "go": False})
-    s.rule("R")
-    s.wait(1)
-    s.assign("go = true")
-    s.wait(5)
-    assert s.states == {"R": "a"}, "it is asked for once, when the time is up"
-    s.assign("ready = false")
-    s.assign("ready = true")
-    s.wait(1)
-    assert s.states == {"R": "b"}
-
-
-def test_what_changes_back_within_a_block_is_no_interruption(tmp_path: Path) -> None:
-    flicker = do("assignValue", "ready = false") + do("assignValue", "ready = true")
-    other = rule("O", state("a", "", f'<transition eventTopic="/flicker">{flicker}</transition>'))
-    s = session(tmp_path, waits(after("2s", held="ready")) + other, memory={"ready": True})
-    s.rule("R")
-    s.rule("O")
-    s.wait(1)
-    s.event("flicker")
-    s.wait(1)
-    assert s.states["R"] == "b"
-
-
 @settings(max_examples=examples(150))
 @given(st.lists(st.tuples(st.integers(0, 30), st.booleans()), max_size=12), st.integers(1, 30))
 def test_it_fires_at_the_moment_that_the_definition_gives(changes: list[tuple[int, bool]], tenths: int) -> None:
@@ -280,16 +230,6 @@ def test_what_is_no_time_is_never_taken_and_says_why(tmp_path: Path, time: str, 
     assert s.timers == {} and s.states == {"R": "a"}
 
 
-def test_with_while_it_is_computed_when_that_begins_to_hold(tmp_path: Path) -> None:
-    s = session(tmp_path, waits(after("{pause}", held="ready")), memory={"pause": "x", "ready": True})
-    s.rule("R")
-    s.assign("pause = 3")
-    s.assign("ready = false")
-    s.assign("ready = true")
-    assert counts(s) == ["0 failed", "0 broken", "0 began"]
-    assert list(s.timers.values()) == [3]
-
-
 # --- kept events ------------------------------------------------------------------------------------------------------
 
 EARLY = rule(
@@ -330,14 +270,6 @@ def test_a_key_pressed_a_moment_early_is_not_lost(tmp_path: Path) -> None:
     assert s.timers == {}
 
 
-def test_one_that_is_waited_for_is_an_event_like_any_other(tmp_path: Path) -> None:
-    s = session(tmp_path, EARLY)
-    s.rule("R")
-    s.event("next")
-    assert fate(s, keep(s)) == ["PENDING", "SUCCEEDED"] and taken_by(s) == ["R"]
-    assert s.states == {"R": "c"} and s.timers == {}
-
-
 @pytest.mark.parametrize("seconds", [0.5, 3.0])
 def test_a_key_pressed_early_can_have_been_a_mistake_whatever_became_of_it(tmp_path: Path, seconds: float) -> None:
     s = session(tmp_path, EARLY)
@@ -376,16 +308,6 @@ def test_one_that_was_never_kept_has_no_record_of_keeping(tmp_path: Path, waits_
     assert found == told
 
 
-def test_it_expires(tmp_path: Path) -> None:
-    s = session(tmp_path, EARLY)
-    s.rule("R")
-    task = keep(s)
-    s.wait(2)
-    assert fate(s, task) == ["PENDING", "kept", "expired", "CANCELED"] and taken_by(s) == [None]
-    s.event("next")
-    assert s.states == {"R": "b"}
-
-
 def test_one_that_is_raised_again_is_the_wizard_s_and_can_have_been_a_mistake(tmp_path: Path) -> None:
     s = session(tmp_path, EARLY)
     s.rule("R")
@@ -394,13 +316,6 @@ def test_one_that_is_raised_again_is_the_wizard_s_and_can_have_been_a_mistake(tm
     assert (first, again) == (2, 3) and fate(s, first)[-1] == "CANCELED"
     for task in (first, again):
         assert s.submit("markMistake", f"{task} double").status == "SUCCEEDED"
-
-
-@pytest.mark.parametrize("raised", ["nobody_names", "only_raised"])
-def test_one_that_no_rule_waits_for_anywhere_is_not_kept(tmp_path: Path, raised: str) -> None:
-    s = session(tmp_path, EARLY + rule("S", state("a", do("raiseEventTopic", "only_raised"))))
-    behavior = f'{{"event": "/{raised}", "keep": "2s"}}'
-    assert fate(s, keep(s, behavior)) == ["PENDING", "CANCELED"] and s.timers == {}
 
 
 @pytest.mark.parametrize("how", ["cancel", "again", "stop"])
@@ -417,38 +332,6 @@ def test_it_is_taken_back(tmp_path: Path, how: str) -> None:
         s.submit("stopAll")
     assert fate(s, task) == ["PENDING", "kept", "taken-back", "CANCELED"]
     assert taken_by(s) == []
-
-
-def test_nobody_waits_for_it_anywhere(tmp_path: Path) -> None:
-    s = session(tmp_path, EARLY)
-    assert fate(s, keep(s, '{"event": "/nobody", "keep": "1min"}')) == ["PENDING", "CANCELED"]
-    assert s.timers == {}
-
-
-def test_a_rule_raises_one_that_its_next_state_takes(tmp_path: Path) -> None:
-    rules = rule(
-        "R",
-        state("a", '<function raiseEventTopic="/understood" keep="1s"/>', on("/next", "b")),
-        state("b", do("raiseEventTopic", "/own"), on("/own", "own") + on("/understood", "kept")),
-        *(state(each, "", on("/x", "a")) for each in ("own", "kept")),
-    )
-    s = session(tmp_path, rules)
-    s.rule("R")
-    s.event("next")
-    assert s.states == {"R": "kept"}, "it stands in the queue before what onEntry raises"
-
-
-def test_a_condition_that_does_not_hold_leaves_it_kept(tmp_path: Path) -> None:
-    ways = '<transition eventTopic="/understood" cond="n &gt; 1" target="c"/>' + on("/again", "b")
-    rules = rule("R", state("a", "", on("/next", "b")), state("b", "", ways), state("c", "", on("/x", "a")))
-    s = session(tmp_path, rules, memory={"n": 1})
-    s.rule("R")
-    task = keep(s)
-    s.event("next")
-    s.assign("n = 2")
-    assert s.states == {"R": "b"} and fate(s, task) == ["PENDING", "kept"]
-    s.event("again")
-    assert s.states == {"R": "c"}
 
 
 @pytest.mark.parametrize(

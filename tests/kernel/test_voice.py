@@ -11,9 +11,8 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ActionReport
 from rise_engine.kernel.records import TimingRecord
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
-from .test_rules import do, on, rule, state
-from .test_wizard_marks import of, view_of
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
+from .test_wizard_marks import of
 
 ROBOT = """title = "Bob"
 driver = "simulated"
@@ -46,15 +45,12 @@ ACTS = (
     + dialog("Blinks", "<Announce><actionID>1</actionID><message>Hello</message></Announce>")
 )
 TOML = '[act.Hm]\nfiller = true\ncalling_type = "None"\n'
-RULES = rule(
-    "Main", state("a", ways=on("next", "b")) + state("b", do("startCommunicationRobotAct", "Look"), ways=on("x", "a"))
-)
 BOB = 'title = "t"\nrobot = "bob"\n'
 
 
 def session(folder: Path, *, robot: str = "") -> Session:
     acts = ACTS if robot else ACTS.replace("Announce", "Speech")
-    where = write(folder, acts=acts, rules=RULES, toml=(BOB if robot else "") + TOML)
+    where = write(folder, acts=acts, toml=(BOB if robot else "") + TOML)
     if robot:
         (where / "robots").mkdir()
         (where / "robots" / "bob.toml").write_text(robot, "utf-8")
@@ -115,34 +111,6 @@ def test_a_substitute_is_heard_if_it_takes_the_voice(tmp_path: Path) -> None:
     assert (timing(s).robot_at, timing(s).voice_at) == (1.0, None), "what blinks instead is not heard"
 
 
-def test_what_is_cancelled_before_it_is_heard_was_not(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.act("Look then say")
-    s.report("1/1", "accepted")
-    s.submit("cancelTask", "1")
-    s.report("1/1", "canceled")
-    assert (timing(s).status, timing(s).robot_at, timing(s).voice_at) == ("CANCELED", 0.0, None)
-
-
-def test_a_word_that_comes_while_it_is_being_cancelled_counts(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.act("Two")
-    s.submit("cancelTask", "1")
-    s.t = 0.4
-    s.report("1/1", "accepted")
-    s.report("1/1", "canceled")
-    assert (timing(s).status, timing(s).voice_at) == ("CANCELED", 0.4)
-
-
-def test_free_speech_is_heard(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.submit("say", "Hello")
-    s.t = 0.7
-    s.report("1/say", "accepted")
-    s.report("1/say")
-    assert (timing(s).act, timing(s).voice_at, timing(s).source) == ("say", 0.7, "wizard:w")
-
-
 def test_a_filler_in_a_cue_is_one_and_the_answer_is_none(tmp_path: Path) -> None:
     s = session(tmp_path)
     s.submit("markCue")
@@ -155,34 +123,6 @@ def test_a_filler_in_a_cue_is_one_and_the_answer_is_none(tmp_path: Path) -> None
     s.finish_all()
     assert (timing(s).act, timing(s).filler) == ("Two", False)
     assert [view_of(s).tasks[id].filler for id in (2, 3)] == [True, False]
-
-
-@pytest.mark.parametrize("marked", [False, True])
-def test_a_filler_outside_of_a_cue_bridges_nothing(tmp_path: Path, marked: bool) -> None:
-    s = session(tmp_path)
-    if marked:
-        s.submit("markCue")
-        s.submit("undoCue")
-    s.act("Hm")
-    s.finish_all()
-    assert (timing(s).act, timing(s).filler) == ("Hm", False)
-
-
-def test_a_filler_that_never_starts_bridges_nothing(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.act("Two")
-    s.submit("markCue")
-    s.act("Hm")
-    s.submit("cancelTask", "3")
-    assert (timing(s).act, timing(s).filler, timing(s).started_at, timing(s).cue_at) == ("Hm", False, None, 0.0)
-
-
-def test_who_asked_for_it(tmp_path: Path) -> None:
-    s = session(tmp_path)
-    s.rule("Main")
-    s.event("next")
-    s.finish_all()
-    assert (timing(s).act, timing(s).source) == ("Look", "rule:Main")
 
 
 def test_what_was_heard_outlives_the_engine(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from rise_engine.kernel.inputs import RobotChanged, SessionRecovered, SessionSta
 from rise_engine.kernel.records import (
     ActionRecord,
     CueRecord,
-    EventRecord,
     KeptRecord,
     MistakeRecord,
     SessionRecord,
@@ -21,9 +20,9 @@ from rise_engine.kernel.records import (
     TimingRecord,
 )
 from rise_engine.kernel.snapshot import Snapshot
-from rise_engine.kernel.view import CueView, SessionView
+from rise_engine.kernel.view import CueView
 
-from .harness import Session, dialog, gaze, pause, read, speech, write
+from .harness import Session, dialog, gaze, pause, read, speech, view_of, write
 from .test_rules import do, on, rule, state
 
 ACTS = (
@@ -60,13 +59,6 @@ def of(s: Session, kind: type) -> list[Any]:
 def press(s: Session, function: str, behavior: str = "", *, pressed: float | None = None, calling: str = "") -> None:
     task = Submit(function=function, behavior=behavior, calling_type=calling, source="wizard:w", pressed=pressed)
     s.do(task)
-
-
-def view_of(s: Session) -> SessionView:
-    view = SessionView()
-    for record in s.records:
-        view.apply(record)
-    return view
 
 
 # --- free speech ---
@@ -118,16 +110,6 @@ def test_a_robot_without_voice_says_nothing(tmp_path: Path) -> None:
     assert task.status == "REJECTED" and "cannot speak" in task.reason
 
 
-def test_the_end_of_free_speech_is_an_event(tmp_path: Path) -> None:
-    rules = rule("R", state("a", ways=on("say_end", "b")) + state("b", ways=on("never", "a")))
-    s = Session(read(write(tmp_path, acts=ACTS, rules=rules)))
-    s.rule("R")
-    s.submit("say", "Hello")
-    assert s.states == {"R": "a"}
-    s.report("2/say")
-    assert s.states == {"R": "b"}
-
-
 def test_free_speech_can_be_cancelled_by_its_task(s: Session) -> None:
     s.submit("say", "Hello")
     s.submit("say", "Answer")
@@ -150,17 +132,6 @@ def test_interrupt_stops_what_runs_and_goes_first(s: Session) -> None:
     assert [goal.parameters["message"] for goal in s.goals.values()] == ["Stop, please"]
     s.report("3/say")
     assert list(s.goals) == ["2/1"], "what waited goes on waiting, and then comes"
-
-
-def test_two_interrupts_come_in_the_order_in_which_they_were_asked(s: Session) -> None:
-    s.act("Answer")
-    s.submit("say", "one", "Interrupt")
-    s.submit("say", "two", "Interrupt")
-    s.report("1/1", "canceled")
-    assert [goal.parameters["message"] for goal in s.goals.values()] == ["one"]
-    s.report("2/say")
-    assert [goal.parameters["message"] for goal in s.goals.values()] == ["two"]
-    assert view_of(s).waiting == []
 
 
 def test_an_act_may_interrupt_too_and_leaves_other_channels_alone(s: Session) -> None:
@@ -210,14 +181,6 @@ def test_a_cue_counts_from_the_press_of_its_key(s: Session) -> None:
     assert view_of(s).cue == CueView(9.0, "wizard:w", answered=10.0, task=5)
 
 
-def test_a_new_cue_begins_anew(s: Session) -> None:
-    s.submit("markCue")
-    s.act("Answer")
-    s.t = 5.0
-    s.submit("markCue")
-    assert view_of(s).cue == CueView(5.0, "wizard:w")
-
-
 def test_a_cue_is_taken_back(s: Session) -> None:
     assert s.submit("undoCue").reason.startswith("no cue is open")
     s.submit("markCue")
@@ -227,18 +190,6 @@ def test_a_cue_is_taken_back(s: Session) -> None:
     s.act("Answer")
     assert [cue.status for cue in of(s, CueRecord)] == ["marked", "undone"], "nothing is answered"
     assert s.submit("undoCue").status == "REJECTED"
-
-
-def test_rules_wait_for_the_cue(tmp_path: Path) -> None:
-    ways = '<State id="{}"><transition eventTopic="/{}" target="{}"/></State>'
-    rules = f'<InteractionRule name="R" initial="a">{ways.format("a", "cue", "b")}{ways.format("b", "cue_undone", "a")}'
-    s = Session(read(write(tmp_path, rules=f"{rules}</InteractionRule>")))
-    s.rule("R")
-    s.submit("markCue")
-    assert s.states == {"R": "b"}
-    s.submit("undoCue")
-    assert s.states == {"R": "a"}
-    assert [record.source for record in of(s, EventRecord)] == ["engine", "engine"]
 
 
 CUE_RULE = (
@@ -286,24 +237,7 @@ def test_a_kept_cue_ends(tmp_path: Path, function: str, ended: list[str]) -> Non
     assert [kept.status for kept in of(s, KeptRecord)] == ["kept", *ended]
 
 
-def test_a_cue_for_which_no_rule_waits_is_not_kept(tmp_path: Path) -> None:
-    s = session(tmp_path, '[cue]\nkeep = "3s"')
-    press(s, "markCue")
-    assert [task.function for task in of(s, TaskRecord)] == ["markCue"]
-
-
 # --- fillers ---
-
-
-def test_fillers_come_in_turn(s: Session) -> None:
-    for _ in range(4):
-        s.submit("nextFiller")
-        s.wait(1.0)
-        s.finish_all()
-    asked = [record.behavior for record in of(s, TaskRecord) if record.status == "PENDING"]
-    assert asked == ["Hm", "LetMeSee", "Nod", "Hm"]
-    reasons = [record.reason for record in of(s, TaskRecord) if record.function == "nextFiller"]
-    assert reasons == asked, "the task says which one it was"
 
 
 def test_the_turn_goes_on_after_a_filler_that_was_started_by_its_own_key(s: Session) -> None:
@@ -353,21 +287,6 @@ def test_a_filler_comes_by_itself_only_when_the_scenario_says_so(
     assert len(
         [record for record in of(s, TaskRecord) if record.source == "engine" and record.status == "PENDING"]
     ) == len(started), "once"
-
-
-def test_no_filler_comes_over_what_still_runs(tmp_path: Path) -> None:
-    s = session(tmp_path, AUTO)
-    s.act("Answer")
-    s.submit("markCue")
-    s.wait(5)
-    assert list(s.goals) == ["1/1"]
-
-
-def test_a_recovered_session_fills_no_silence_by_itself(tmp_path: Path) -> None:
-    s = session(tmp_path, AUTO)
-    s.submit("markCue")
-    s.do(SessionRecovered())
-    assert not s.timers
 
 
 # --- mistakes ---
@@ -469,15 +388,6 @@ def test_a_failed_act_that_succeeds_after_all_needs_no_answer(s: Session) -> Non
     assert failed(s) == []
 
 
-def test_a_failure_outlives_the_engine(s: Session) -> None:
-    s.act("Answer")
-    s.report("1/1", "failed", "no voice")
-    snapshot = msgspec.json.decode(msgspec.json.encode(s.kernel.snapshot()), type=Snapshot)
-    again = Session(s.scenario, kernel=Kernel.restore(s.scenario, snapshot))
-    assert again.submit("goOn", "1").status == "SUCCEEDED"
-    assert again.submit("goOn", "1").status == "REJECTED"
-
-
 # --- times ---
 
 
@@ -517,14 +427,6 @@ def test_an_act_that_a_rule_starts_in_answer_to_a_key_has_the_key_s_time(s: Sess
     s.event("next")
     s.finish_all()
     assert [record.key_at for record in of(s, TimingRecord)] == [3.9, None]
-
-
-def test_an_act_that_never_started_has_its_times_too(s: Session) -> None:
-    s.act("Answer")
-    s.act("Answer")
-    s.submit("cancelTask", "2")
-    last = of(s, TimingRecord)[-1]
-    assert (last.task, last.status, last.started_at, last.robot_at) == (2, "CANCELED", None, None)
 
 
 # --- across a crash ---

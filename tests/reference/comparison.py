@@ -128,7 +128,7 @@ class Play:
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self.random = Random(seed)
-        self.scenario: Scenario = Author(self.random).study()
+        self.scenario = self.study()
         self.kernel = Kernel(self.scenario, seed)
         self.interpreter = Interpreter(self.scenario, seed)
         self.t = 0.0
@@ -140,6 +140,10 @@ class Play:
         """Moves that are left out."""
         self.seen: set[str] = set()
         """Kinds of records, with their status."""
+
+    def study(self) -> Scenario:
+        """What is played."""
+        return Author(self.random).study()
 
     def run(self, moves: int = MOVES) -> None:
         """Play so many random moves; raises Disagreement.
@@ -163,6 +167,10 @@ class Play:
             self.random = Random(f"{self.seed} {number}")  # each move is drawn by itself, so that any can be left out
             if number not in self.skipped:
                 self.move()
+        self.end()
+
+    def end(self) -> None:
+        """What comes after the moves."""
         self.do(SessionEnded(reason="over"))
 
     def start(self) -> SessionStarted:
@@ -180,7 +188,7 @@ class Play:
         """One input to both."""
         input = msgspec.structs.replace(input, t=self.t)
         self.inputs.append(input)
-        records, commands = self.kernel.handle(input)
+        records, commands = self.ask_kernel(input)
         if isinstance(input, TimerElapsed):
             rows, orders = self.interpreter.let_time_run_out(self.t)
         else:
@@ -196,6 +204,10 @@ class Play:
                 self.goals.pop(f"{record.task}/{record.action}", None)
             elif record.__class__.__name__ == "TaskRecord":
                 self.tasks = max(self.tasks, record.id)
+
+    def ask_kernel(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
+        """What the kernel puts out."""
+        return self.kernel.handle(input)
 
     def compare(self, what: str, kernel: list[Any], text: list[Any]) -> None:
         if kernel == text:
@@ -387,7 +399,11 @@ class Play:
                 if self.timers and min(self.timers.values()) <= self.t:
                     self.elapse()
             return
-        until = round(self.t + pick([0.05, 1.0, 2.0, 20.0]), 6)
+        self.pass_time(pick([0.05, 1.0, 2.0, 20.0]))
+
+    def pass_time(self, seconds: float) -> None:
+        """Let so many seconds pass; what is due on the way comes in time."""
+        until = round(self.t + seconds, 6)
         for _ in range(100):
             if not self.timers or min(self.timers.values()) > until:
                 break

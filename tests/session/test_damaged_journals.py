@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 
 import msgspec
 import pytest
@@ -134,31 +135,35 @@ def test_a_damaged_record_is_made_again(made: Made) -> None:
     assert recover(made.folder).report == []
 
 
-def test_a_damaged_input_is_refused_by_its_line(made: Made) -> None:
-    index = made.step_lines[6]
-    lines = list(made.lines)
-    lines[index] = lines[index].replace(b"/go", b"/no")
-    made.write(b"".join(lines))
-    for action in (recover, compare_replay):
-        with pytest.raises(SessionError, match=rf"line {index + 1} is damaged, and it was input 7\..*exported"):
-            action(made.folder)
+def damaged_input(lines: list[bytes], steps: list[int]) -> None:
+    lines[steps[6]] = lines[steps[6]].replace(b"/go", b"/no")
 
 
-def test_lost_inputs_are_refused_by_their_place(made: Made) -> None:
-    start, end = made.step_lines[6], made.step_lines[8]
-    made.write(b"".join([*made.lines[:start], *made.lines[end:]]))
-    with pytest.raises(SessionError, match=rf"before line {start + 1} inputs 7 to 8 are missing\."):
-        recover(made.folder)
+def lost_inputs(lines: list[bytes], steps: list[int]) -> None:
+    del lines[steps[6] : steps[8]]
 
 
-def test_a_damaged_last_input_with_whole_records_is_refused(made: Made) -> None:
+def damaged_last_input(lines: list[bytes], steps: list[int]) -> None:
     """No later number tells that it is gone; that nothing accounts for its records does."""
-    index = made.step_lines[-1]
+    lines[steps[-1]] = b"#" + lines[steps[-1]][1:]
+
+
+@pytest.mark.parametrize(
+    ("damage", "step", "says"),
+    [
+        (damaged_input, 6, "line {} is damaged, and it was input 7\\..*exported"),
+        (lost_inputs, 6, "before line {} inputs 7 to 8 are missing\\."),
+        (damaged_last_input, -1, "line {} is damaged, and it was an input"),
+    ],
+)
+def test_inputs_that_are_not_whole_are_refused_by_their_place(
+    made: Made, damage: Callable[[list[bytes], list[int]], None], step: int, says: str
+) -> None:
     lines = list(made.lines)
-    lines[index] = b"#" + lines[index][1:]
+    damage(lines, made.step_lines)
     made.write(b"".join(lines))
     for action in (recover, compare_replay):
-        with pytest.raises(SessionError, match=f"line {index + 1} is damaged, and it was an input"):
+        with pytest.raises(SessionError, match=says.format(made.step_lines[step] + 1)):
             action(made.folder)
 
 

@@ -22,7 +22,7 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.records import COLUMNS, table_cell, write_records
 from rise_engine.session.folder import INFO, find_session
 from rise_engine.session.journal_format import encode_record
-from tests.cli.processes import ENGINE
+from tests.forked import run_engine
 
 from .journals import Made
 
@@ -262,21 +262,20 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_export(made: Made, tmp_
 
 @pytest.mark.slow
 def test_as_processes(made: Made) -> None:
-    """Once for real: standard output as bytes, a closed pipe, a full disk."""
-    environment = {**os.environ, "RISE_SESSIONS": str(made.folder.parent)}
-    call = [ENGINE, "export", made.folder.name, "--format", "jsonl"]
-    done = subprocess.run(call, capture_output=True, env=environment, timeout=60, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout == b"".join(encode_record(record) + b"\n" for record in made.records)
+    """Once for real: standard output, a closed pipe, a full disk."""
+    call = ("export", made.folder.name, "--format", "jsonl")
+    done = run_engine(*call)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.encode() == b"".join(encode_record(record) + b"\n" for record in made.records)
     reader, writer = os.pipe()
     os.close(reader)
-    done = subprocess.run(call, stdout=writer, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)
+    done = run_engine(*call, stdout=writer)
     os.close(writer)
-    assert (done.returncode, done.stderr) == (141, b"")
+    assert (done.returncode, done.stderr) == (141, "")
     if Path("/dev/full").exists():
         with Path("/dev/full").open("wb") as full:
-            done = subprocess.run(call, stdout=full, stderr=subprocess.PIPE, env=environment, timeout=60, check=False)
-        assert (done.returncode, done.stderr) == (74, b"error: standard output cannot be written: the disk is full\n")
+            done = run_engine(*call, stdout=full)
+        assert (done.returncode, done.stderr) == (74, "error: standard output cannot be written: the disk is full\n")
 
 
 # --- the documentation ---

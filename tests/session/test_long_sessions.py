@@ -6,9 +6,7 @@ Measured by what is alive, and by how far one part of the work waits for another
 from __future__ import annotations
 
 import io
-import os
 import shlex
-import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable
@@ -29,6 +27,7 @@ from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover
 from rise_engine.session.replay import Replay, compare_replay
+from tests.forked import run_engine
 
 from .journals import Made
 
@@ -173,9 +172,7 @@ def test_a_starter_waits_as_long_as_the_engine_works_and_is_told(
     found = start_engine(SessionOptions(str(made.study), unfinished=str(made.folder)), sentences.append)
     monkeypatch.setattr("sys.executable", python)
     assert isinstance(found, EngineStarted), found
-    stopped = subprocess.run(
-        [python, "-m", "rise_engine", "stop", found.name], capture_output=True, text=True, env=os.environ, check=False
-    )
+    stopped = run_engine("stop", found.name)
     assert stopped.returncode == 0, stopped
     made.write(made.whole)
     assert any(each.startswith("recovering: reading the record: ") for each in sentences), sentences

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +18,8 @@ from rise_engine.session.media import (
     register_media,
     remove_media,
 )
+from tests.forked import Forked
+from tests.patience import PATIENCE
 
 FILM = MediaFile(
     path="/data/room.mp4",
@@ -111,8 +111,8 @@ def test_programs_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
         "for number in range(8):\n"
         "    register_media(Path(sys.argv[1]), MediaFile(path=f'/{sys.argv[2]}/{number}', kind='other'))"
     )
-    running = [subprocess.Popen([sys.executable, "-c", script, tmp_path, name]) for name in "abc"]
-    assert [each.wait() for each in running] == [0, 0, 0]
+    running = [Forked(tmp_path, name, code=script, stdout=None, stderr=None) for name in "abc"]
+    assert [each.wait(PATIENCE) for each in running] == [0, 0, 0]
     assert {each.path for each in read_media(tmp_path)} == {
         f"/{name}/{number}" for name in "abc" for number in range(8)
     }

@@ -119,9 +119,9 @@ def is_near_an_end(made: Made, cut: int) -> bool:
 @pytest.mark.search
 @pytest.mark.slow
 def test_torn_at_every_byte(shared: Made) -> None:
-    """Around the ends of lines at every byte, within them at every twelfth; in a search at every one."""
+    """Around the ends of lines at every byte, within them at every thirtieth; in a search at every one."""
     for cut in last_lines(shared):
-        if not (SEARCH or cut % 12 == 0 or is_near_an_end(shared, cut)):
+        if not (SEARCH or cut % 30 == 0 or is_near_an_end(shared, cut)):
             continue
         data = shared.whole[:cut]
         shared.write(data)

@@ -27,6 +27,7 @@ from rise_engine.kernel.records import (
 from rise_engine.run.client import Session, connect
 from rise_engine.run.protocol.client import Client, EngineGone, LinkLost, Rejected
 from rise_engine.run.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
+from tests.forked import run_engine
 from tests.run.server.serving import GREETING, ROOT, served
 
 PAGES = [ROOT / "docs" / "how-to" / "drive-a-session-from-a-program.md", ROOT / "docs" / "reference" / "link.md"]
@@ -52,14 +53,8 @@ PROGRAMS = {f"{page.name} {n}": program for page in PAGES for n, program in enum
 @pytest.mark.parametrize("name", PROGRAMS)
 async def test_the_examples_of_the_documentation_run(scratch: Path, name: str) -> None:
     async with served(scratch, GREETING) as session:
-        done = await asyncio.to_thread(
-            subprocess.run,
-            [sys.executable, "-W", "error", "-c", PROGRAMS[name]],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        program = f"import warnings\nwarnings.simplefilter('error')\n{PROGRAMS[name]}"
+        done = await asyncio.to_thread(run_engine, code=program)
         assert done.returncode == 0, done.stderr
         assert any(task.source == "node:gaze-tracker" for task in session.hub.view.tasks.values())
 

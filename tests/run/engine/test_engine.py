@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
 import pytest
 
 from rise_engine.kernel.commands import StartAction
@@ -21,7 +20,6 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.kernel.view import SessionView
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.run.engine.drivers import make_robot
@@ -241,28 +239,6 @@ def test_ending_now_gives_every_action_an_ending() -> None:
     s.engine.end_now("at once")
     assert s.engine.ended
     assert_one_ending_each(s.records)
-
-
-def test_a_view_folded_from_the_records_shows_the_end_of_it_all() -> None:
-    s = Session(scenario(GREETING))
-    s.engine.accept(start("Greet"))
-    s.run()
-    view = SessionView()
-    for record in s.end():
-        view.apply(record)
-    assert view.ended and not view.running and not view.waiting
-    assert view.acts["Greet"].runs == 1
-
-
-def test_same_inputs_same_output_byte_for_byte() -> None:
-    def once(seed: int) -> bytes:
-        s = Session(scenario(GREETING), seed=seed)
-        s.engine.accept(start("Greet"))
-        s.engine.accept(start("Greet", "None"))
-        s.run()
-        return b"\n".join(msgspec.json.encode(record) for record in s.end())
-
-    assert once(1) == once(1)
 
 
 def test_a_kernel_that_fails_leaves_the_robot_still(

@@ -20,7 +20,7 @@ pytest.importorskip("labrecorder", reason="LabRecorder's wheel (labrecorder) is 
 pytest.importorskip("pylsl")
 ONLY_HERE = f"T{os.getpid()}"
 """A participant whom no test beside this one has: LSL finds streams by the session's name, whoever began it."""
-COUNT, BEFORE = 1000, 400
+COUNT, BEFORE = 400, 150
 """Markers in all, and those that happen before anybody records."""
 
 
