@@ -175,6 +175,7 @@ class AsyncForked:
 
     def __init__(self, process: Forked) -> None:
         self._process = process
+        self._ended: asyncio.Task[int] | None = None
         self.pid = process.pid
         self.send_signal, self.kill, self.terminate = process.send_signal, process.kill, process.terminate
 
@@ -198,6 +199,12 @@ class AsyncForked:
         return self._process.poll()
 
     async def wait(self) -> int:
+        """Several may wait at once."""
+        if self._ended is None:
+            self._ended = asyncio.create_task(self._wait())
+        return await asyncio.shield(self._ended)
+
+    async def _wait(self) -> int:
         loop, end = asyncio.get_running_loop(), self._process._end
         if self.returncode is None:
             ended = loop.create_future()
