@@ -76,6 +76,8 @@ def test_what_fails_in_one_condition_and_language_only_is_found(folder: Path) ->
 
 def test_an_assignment_that_fails_is_found_with_its_line_and_the_reason(right: Path) -> None:
     changed(right / "scenario/rules/objects.xml", ('"i = i + 1"', '"i = column + i"'))
+    orders = "levels.forward.memory = { order = [0, 1] }\nlevels.back.memory = { order = [1, 0] }\n"
+    changed(right / "study.toml", (f'[factors.first]\nkind = "within"\n{orders}\n', ""))  # 4 kinds, not 8
     result = run("study", "check", str(right))
     assert result.exit_code == 1
     found = [line for line in result.output.splitlines() if "play-failed" in line]
