@@ -27,7 +27,8 @@ SCXML = "{http://www.w3.org/2005/07/scxml}"
 @pytest.mark.slow
 def test_the_kernel_does_what_scion_did_with_these_very_documents() -> None:
     kept = json.loads(FILE.read_text("utf-8"))
-    cases = {case.name: case for case in kept_cases()}
+    seeds = [int(name.removeprefix("random/")) for name in kept if name.startswith("random/")]
+    cases = {case.name: case for case in kept_cases(seeds)}
     assert list(cases) == list(kept)
     assert {name: case.digest for name, case in cases.items()} == {
         name: each["document"] for name, each in kept.items()
