@@ -13,11 +13,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from msgspec.structs import replace
 
 from rise_engine.checks.devices import look_at_last_session
-from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.analysis.reading import read_session
@@ -35,6 +33,7 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.verdict import read_verdict
+from tests.commands import typed
 from tests.results.analysis.samples import make_study, play_session, recovered_session, sessions_of, short
 
 
@@ -44,7 +43,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def run(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    result = typed(*arguments)
     return result.exit_code, result.output
 
 

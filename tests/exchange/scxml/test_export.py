@@ -8,13 +8,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from rise_exchange.scxml.export import HELPERS, RESERVED, event_name, export_rule, helpers_for, key_name
 from rise_exchange.scxml.limits import LOSSES, REFUSALS, find_losses, find_refusals
 
-from rise_engine.cli.program import main
+from tests.commands import typed
 from tests.exchange.scxml.traces import FILE, STUDIES, kept_cases
 from tests.kernel.harness import dialog, read, speech, write
 
@@ -212,7 +211,7 @@ def test_every_loss_has_a_case_and_nothing_is_lost_of_a_plain_rule(tmp_path: Pat
 
 
 def convert(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(main, ["convert", "to-scxml", *arguments])
+    done = typed("convert", "to-scxml", *arguments)
     return done.exit_code, done.stdout, done.stderr
 
 
