@@ -466,6 +466,14 @@ def test_a_session_whose_journal_is_lost_is_told_and_its_run_is_not_asked_for_ag
     status, said = _export(study, folder, tmp_path / "x")
     assert status == 1 and f"warning: {folder.name} is not in the export: it has no readable journal" in said
     assert f"{folder.name} has no readable journal" in run("report", study)[1]
+
+
+@pytest.mark.parametrize("lose", [_no_journal, _a_folder_instead])
+def test_a_bundle_tells_of_a_session_whose_journal_is_lost(
+    study: Path, tmp_path: Path, lose: Callable[[Path], None]
+) -> None:
+    folder = sessions_of(study)[1]
+    lose(folder)
     said = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", "full")[1]
     assert f"{folder.name} is not in the export: it has no readable journal" in said
     assert f"anything about {folder.name}: " in run("reproduce", tmp_path / "bundle")[1]
