@@ -217,10 +217,7 @@ class AsyncForked:
 
 
 def run_engine(
-    *arguments: object,
-    stdin: str | None = None,
-    timeout: float | None = PATIENCE,
-    **more: Any,
+    *arguments: object, stdin: str | None = None, timeout: float | None = PATIENCE, **more: Any
 ) -> subprocess.CompletedProcess[str]:
     """`rise-engine`, or another program, run to its end. `more` is for `Forked`."""
     process = Forked(*arguments, stdin=DEVNULL if stdin is None else PIPE, **more)
@@ -241,11 +238,7 @@ def _fork_server() -> socket.socket:
         command = [sys.executable, "-m", "tests.forked", str(theirs.fileno())]
         with theirs:
             process = subprocess.Popen(
-                command,
-                pass_fds=[theirs.fileno()],
-                cwd=Path(__file__).parents[1],
-                stdin=DEVNULL,
-                stdout=DEVNULL,
+                command, pass_fds=[theirs.fileno()], cwd=Path(__file__).parents[1], stdin=DEVNULL, stdout=DEVNULL
             )
         _server = ours, process
     return _server[0]

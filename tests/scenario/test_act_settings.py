@@ -45,10 +45,7 @@ HOLD, SLOW = ActSettings(hold=True), ActSettings(debounce=2.0)
             '[act."R_Task1_*"]\ndebounce = 2.0\n[act."R_Task*"]\ndebounce = 9.0',
             {NAMES[0]: SLOW, NAMES[1]: SLOW, NAMES[2]: ActSettings(debounce=9.0)},
         ),
-        "then what comes later": (
-            '[act."R_N*"]\ndebounce = 9.0\n[act."*Nod"]\ndebounce = 2.0',
-            {"R_Nod": SLOW},
-        ),
+        "then what comes later": ('[act."R_N*"]\ndebounce = 9.0\n[act."*Nod"]\ndebounce = 2.0', {"R_Nod": SLOW}),
         "setting by setting": (
             '[act."R_N*"]\nhold = true\n[act."*_Nod"]\ncalling_type = "none"',
             {"R_Nod": ActSettings(hold=True, calling_type="None")},
@@ -62,10 +59,7 @@ def test_what_holds(tmp_path: Path, toml: str, expected: dict[str, ActSettings])
 @pytest.mark.parametrize(
     ("toml", "expected"),
     [
-        (
-            '[act."R_Tusk*"]\nhold = true',
-            [f"1:6 unknown-act: no act has a name like `R_Tusk*`; known: {KNOWN}"],
-        ),
+        ('[act."R_Tusk*"]\nhold = true', [f"1:6 unknown-act: no act has a name like `R_Tusk*`; known: {KNOWN}"]),
         ("[act.R_Nodd]\nhold = true", ["1:6 unknown-act: there is no act `R_Nodd`; did you mean `R_Nod`?"]),
         ('[act."R_*"]\nholt = true', ["2:1 unknown-key: unknown key `holt`; did you mean `hold`?"]),
         ('[act."R_*"]\ndebounce = 99', ["2:12 out-of-range: `debounce` is from 0 to 60 seconds"]),

@@ -38,10 +38,7 @@ def test_at_its_place_and_with_its_reason(tmp_path: Path) -> None:
         ("<!-- check: allow -->", ["ambiguous-else", "bad-allow"]),
         ("<!-- check: allow ambigous-else: we mean it -->", ["ambiguous-else", "bad-allow"]),
         ("<!-- check: allow unset-key: we mean it -->", ["ambiguous-else", "unused-allow"]),
-        (
-            "<!-- check: allow ambiguous-else: a --><!-- check: allow ambiguous-else: b -->",
-            ["unused-allow"],
-        ),
+        ("<!-- check: allow ambiguous-else: a --><!-- check: allow ambiguous-else: b -->", ["unused-allow"]),
     ],
 )
 def test_a_silencing_that_does_nothing_is_a_finding(tmp_path: Path, comment: str, expected: list[str]) -> None:

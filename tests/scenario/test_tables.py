@@ -94,12 +94,7 @@ WRONG: dict[str, tuple[str | bytes, str, str, str]] = {
     "no cp1252": (b"a;b\n1;\x81\n", 'encoding = "cp1252"\n', "items.csv:2:3 encoding", "not CP1252"),
     "UTF-16": ("a;b\n".encode("utf-16"), "", "items.csv:1:1 encoding", "save it as UTF-8"),
     "nothing": ("\n\n", "", "items.csv:1:1 table-form", "its first row has the names"),
-    "a value too many": (
-        "a,b\n1,2\n3,4,5\n",
-        "",
-        "items.csv:3:5 table-form",
-        "a comma in it needs quotation marks",
-    ),
+    "a value too many": ("a,b\n1,2\n3,4,5\n", "", "items.csv:3:5 table-form", "a comma in it needs quotation marks"),
     "a value too many behind a comma in a text": (
         'a,b\n"x, y",2, z\n',
         "",

@@ -115,10 +115,7 @@ def test_a_study_without_problems_is_planned(right: Path) -> None:
 
 @pytest.mark.parametrize(
     ("column", "problem"),
-    [
-        ("direkt_en", "the table `questions` has no column `direkt_en`; did you mean `direct_de`?"),
-        ("direct_de", ""),
-    ],
+    [("direkt_en", "the table `questions` has no column `direkt_en`; did you mean `direct_de`?"), ("direct_de", "")],
 )
 def test_a_column_that_a_level_names_and_a_table_lacks_is_found_without_playing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, column: str, problem: str

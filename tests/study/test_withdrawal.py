@@ -539,10 +539,7 @@ def test_what_is_exported_just_now_is_told_and_the_rest_is_erased(made: Folder) 
 
 def test_an_export_that_is_overtaken_by_a_withdrawal_is_not_kept(made: Folder) -> None:
     out = made.study / "late.csv"
-    with (
-        pytest.raises(ExportError, match="make it again"),
-        new_export(out, made.sessions[:1], "csv", "full") as export,
-    ):
+    with pytest.raises(ExportError, match="make it again"), new_export(out, made.sessions[:1], "csv", "full") as export:
         export.here.write_text("rows of P01")
         withdraw(made.study, "P01")
     assert not out.exists()
