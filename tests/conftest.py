@@ -32,8 +32,9 @@ settings.register_profile("search", settings.get_profile("fixed"), derandomize=F
 settings.load_profile("search" if chance.SEARCH else "fixed")
 
 
-ONE_PROCESS = ("explore", "test_site", "test_architecture", "test_bundle", "test_crate")
+ONE_PROCESS = ("explore", "test_site", "sources", "test_bundle", "test_crate")
 """A folder and files whose tests share what took long to make: explorations, a site, parsed modules, a study."""
+OF_SOURCES = ("test_architecture", "test_docs", "test_errors")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -44,6 +45,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     def group(item: pytest.Item) -> str:
         folder = item.path.parent.name
+        if item.path.stem in OF_SOURCES:
+            return "sources"
         return folder if folder in ("explore", "tutorials") else item.path.stem
 
     for item in items:

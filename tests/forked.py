@@ -175,6 +175,7 @@ class AsyncForked:
 
     def __init__(self, process: Forked) -> None:
         self._process = process
+        self._ended: asyncio.Task[int] | None = None
         self.pid = process.pid
         self.send_signal, self.kill, self.terminate = process.send_signal, process.kill, process.terminate
 
@@ -198,6 +199,12 @@ class AsyncForked:
         return self._process.poll()
 
     async def wait(self) -> int:
+        """Several may wait at once."""
+        if self._ended is None:
+            self._ended = asyncio.create_task(self._wait())
+        return await asyncio.shield(self._ended)
+
+    async def _wait(self) -> int:
         loop, end = asyncio.get_running_loop(), self._process._end
         if self.returncode is None:
             ended = loop.create_future()
@@ -210,10 +217,7 @@ class AsyncForked:
 
 
 def run_engine(
-    *arguments: object,
-    stdin: str | None = None,
-    timeout: float | None = PATIENCE,
-    **more: Any,
+    *arguments: object, stdin: str | None = None, timeout: float | None = PATIENCE, **more: Any
 ) -> subprocess.CompletedProcess[str]:
     """`rise-engine`, or another program, run to its end. `more` is for `Forked`."""
     process = Forked(*arguments, stdin=DEVNULL if stdin is None else PIPE, **more)
@@ -234,11 +238,7 @@ def _fork_server() -> socket.socket:
         command = [sys.executable, "-m", "tests.forked", str(theirs.fileno())]
         with theirs:
             process = subprocess.Popen(
-                command,
-                pass_fds=[theirs.fileno()],
-                cwd=Path(__file__).parents[1],
-                stdin=DEVNULL,
-                stdout=DEVNULL,
+                command, pass_fds=[theirs.fileno()], cwd=Path(__file__).parents[1], stdin=DEVNULL, stdout=DEVNULL
             )
         _server = ours, process
     return _server[0]

@@ -21,14 +21,30 @@ PACKAGES = {
 """Each package, and the folder that it lies in."""
 
 
-@cache
 def parsed(file: Path) -> ast.Module:
-    """Collects no garbage meanwhile, which some releases of Python 3.11 do not survive (python/cpython#106905)."""
+    """Collects no garbage meanwhile, which some releases of Python 3.11 do not survive (python/cpython#106905).
+
+    Nobody keeps the trees: those of all files are so large that each collection of garbage takes a second more.
+    """
     gc.disable()
     try:
         return ast.parse(file.read_text(encoding="utf-8"))
     finally:
         gc.enable()
+
+
+def nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """As `ast.walk`, in less time: a node before what is in it, and without the contexts of names."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for field in node._fields:
+            value = getattr(node, field, None)
+            if isinstance(value, list):
+                waiting += [each for each in reversed(value) if isinstance(each, ast.AST)]
+            elif isinstance(value, ast.AST) and field != "ctx":
+                waiting.append(value)
 
 
 @cache
@@ -42,10 +58,17 @@ def modules() -> dict[str, Path]:
     return found
 
 
+class Class(NamedTuple):
+    name: str
+    bases: list[str]
+    docstring: str | None
+
+
 class Facts(NamedTuple):
     """What a file has, from one way through its tree."""
 
-    classes: list[ast.ClassDef]
+    docstring: str | None
+    classes: list[Class]
     """Also private ones, and those in classes and functions."""
     docstrings: list[tuple[int, str]]
     """Every string that stands for itself, with its first line: of modules, classes, functions and attributes."""
@@ -60,10 +83,11 @@ class Facts(NamedTuple):
 
 @cache
 def facts(file: Path) -> Facts:
-    found = Facts([], [], set(), [], [], set())
+    tree = parsed(file)
+    found = Facts(ast.get_docstring(tree), [], [], set(), [], [], set())
     described: set[ast.expr] = set()
     typing: set[ast.AST] = set()
-    for node in ast.walk(parsed(file)):
+    for node in nodes(tree):
         if isinstance(node, ast.Name):
             found.names.add(node.id)
         elif isinstance(node, ast.Attribute):
@@ -80,15 +104,16 @@ def facts(file: Path) -> Facts:
         elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             found.names.add(node.name)
             if isinstance(node, ast.ClassDef):
-                found.classes.append(node)
+                bases = [ast.unparse(base) for base in node.bases]
+                found.classes.append(Class(node.name, bases, ast.get_docstring(node)))
         elif isinstance(node, ast.alias):
             found.names.update(node.name.split("."))
         elif isinstance(node, ast.Import | ast.ImportFrom):
             if node in typing:
                 found.for_types.add(len(found.imports))
             found.imports.append(node)
-        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            typing.update(inner for each in node.body for inner in ast.walk(each))
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in (getattr(node.test, at, "") for at in ("id", "attr")):
+            typing.update(inner for each in node.body for inner in nodes(each))
     return found
 
 
@@ -263,7 +288,7 @@ def _nodes() -> dict[str, Path]:
 def _defined(scope: ast.AST) -> set[str]:
     """Names that a module or a class has of its own, or imports."""
     found: set[str] = set()
-    for node in ast.walk(scope):
+    for node in nodes(scope):
         if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             found.add(node.name)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import rise_engine
-from tests.sources import ROOT, circles, classes, dead_files, dead_names, dead_sections, modules, parsed
+from tests.sources import ROOT, circles, classes, dead_files, dead_names, dead_sections, facts, modules, nodes, parsed
 
 FOREIGN = {"textual", "rich", "rclpy", "rise_tui", "rise_adapters", "rise_exchange"}
 """What must never be loaded with the engine."""
@@ -35,7 +35,7 @@ def files(package: str) -> list[Path]:
 def imported(tree: ast.AST, package: str) -> set[str]:
     """Top-level names of what a module imports; `rise_engine.run.engine.engine` in full."""
     names: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -111,7 +111,7 @@ def test_the_kernel_and_the_expressions_are_pure(file: Path) -> None:
     assert {name for name in names if name.partition(".")[0] in IMPURE_MODULES} == set()
     allowed = {"base", "expression", "kernel", "scenario"}
     assert {name for name in names if name.startswith("rise_engine.") and name.split(".")[1] not in allowed} == set()
-    calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    calls = {node.func.id for node in nodes(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     assert calls & IMPURE_CALLS == set()
 
 
@@ -120,7 +120,7 @@ def test_every_module_says_what_it_is_for() -> None:
     missing = [
         str(file.relative_to(ROOT))
         for file in modules().values()
-        if file.stat().st_size and ast.get_docstring(parsed(file)) is None
+        if file.stat().st_size and facts(file).docstring is None
     ]
     assert missing == []
 

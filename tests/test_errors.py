@@ -5,19 +5,18 @@
 
 from __future__ import annotations
 
-import ast
 import builtins
 import re
 
 import rise_engine.base.errors
-from tests.sources import ROOT, facts, modules
+from tests.sources import ROOT, Class, facts, modules
 
 ERRORS = ROOT / "rise_engine" / "base" / "errors.py"
 LONGEST = 110
 _DRAWING = re.compile(r"^    RiseError\n(?:     .*\n)*", re.MULTILINE)
 
 
-def classes() -> dict[str, ast.ClassDef]:
+def classes() -> dict[str, Class]:
     """Every public class by its name."""
     everything = (node for file in modules().values() for node in facts(file).classes)
     return {node.name: node for node in everything if not node.name.startswith("_")}
@@ -30,9 +29,9 @@ def drawing() -> str:
     def below(parent: str, depth: int) -> list[str]:
         lines: list[str] = []
         for name, node in sorted(known.items()):
-            if parent not in [ast.unparse(base).rpartition(".")[2] for base in node.bases]:
+            if parent not in [base.rpartition(".")[2] for base in node.bases]:
                 continue
-            sentence = re.split(r"[.;:,] | \(|\.$", (ast.get_docstring(node) or "").replace("\n", " "))[0]
+            sentence = re.split(r"[.;:,] | \(|\.$", (node.docstring or "").replace("\n", " "))[0]
             lines.append(f"{'    ' + '  ' * depth + name:<34}{sentence}"[:LONGEST].rstrip())
             lines += below(name, depth + 1)
         return lines
@@ -50,9 +49,10 @@ def test_the_engine_raises_nothing_outside_of_the_tree() -> None:
     outside: list[str] = []
     for module, file in modules().items():
         for node in facts(file).classes if module.startswith("rise_engine") else ():
-            bases = [ast.unparse(base) for base in node.bases]
-            if bases and all(hasattr(builtins, base) and base.endswith(("Error", "Exception")) for base in bases):
-                outside.append(f"{file.relative_to(ROOT)}: {bases}")
+            if node.bases and all(
+                hasattr(builtins, each) and each.endswith(("Error", "Exception")) for each in node.bases
+            ):
+                outside.append(f"{file.relative_to(ROOT)}: {node.bases}")
     assert outside == ["rise_engine/base/errors.py: ['Exception']"]
 
 

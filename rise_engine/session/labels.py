@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -42,18 +43,21 @@ def read_labels(journal: Path) -> dict[str, Any] | None:
     try:
         with journal.open("rb") as file:
             for line in file:
-                if not line.startswith(b'{"kind":"session"'):
-                    continue
-                try:
-                    record = read_line(line.rstrip(b"\n"))
-                    fields = decode(line.decode())
-                except (LineError, JsonError, UnicodeDecodeError):
-                    continue
-                if isinstance(record, SessionRecord) and isinstance(fields, dict):
-                    return fields
+                if line.startswith(b'{"kind":"session"') and (fields := _read_fields(line)) is not None:
+                    return dict(fields)
     except OSError:
         pass
     return None
+
+
+@lru_cache(maxsize=1024)  # readers of a study ask for the labels of each session many times
+def _read_fields(line: bytes) -> dict[str, Any] | None:
+    try:
+        record = read_line(line.rstrip(b"\n"))
+        fields = decode(line.decode())
+    except (LineError, JsonError, UnicodeDecodeError):
+        return None
+    return fields if isinstance(record, SessionRecord) and isinstance(fields, dict) else None
 
 
 def moment_of_zero(wall: str, t: float, speed: float) -> str:

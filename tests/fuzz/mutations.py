@@ -261,12 +261,7 @@ def of_expressions(content: bytes, chance: Random) -> bytes:
         return "".join(words) if chance.random() < 0.9 else "(" * 200 + "".join(words) + ")" * 200
 
     escaped = chance.random() < 0.8
-    return _in_place(
-        _EXPRESSION,
-        content,
-        chance,
-        lambda old: _escaped(change(old)) if escaped else change(old),
-    )
+    return _in_place(_EXPRESSION, content, chance, lambda old: _escaped(change(old)) if escaped else change(old))
 
 
 # --- of JSON and TOML -----------------------------------------------------------------------------------------------

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
 from rise_engine.base.errors import SessionError
-from rise_engine.cli import main
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
 from rise_engine.privacy.levels import ExportLevel, _without_free_speech, without_dates_and_places
@@ -26,6 +24,7 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.records import write_records
 from rise_engine.scenario.loader import load
 from tests.chance import examples
+from tests.commands import typed
 from tests.kernel.harness import Session
 from tests.session.journals import TOML, Made, Recording
 
@@ -168,19 +167,15 @@ def test_without_the_scenario_nobody_knows_what_is_private(made: Made) -> None:
         SessionRecords(made.folder, level="shared")
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(each) for each in arguments])
-
-
 def test_the_command(made: Made, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    result = run("export", made.folder, "--format", "csv", "--level", "shared", "-o", out)
+    result = typed("export", made.folder, "--format", "csv", "--level", "shared", "-o", out)
     assert result.exit_code == 0, result.output
     assert out.stat().st_mode & 0o777 == 0o600
     rows = list(csv.DictReader(io.StringIO(out.read_text("utf-8"), newline="")))
     assert {row["session"] for row in rows} == {"sample-study_debug"} and len(rows) == len(made.records)
     assert "Zoë" not in out.read_text("utf-8")
-    assert run("export", made.folder, "--format", "csv", "--level", "secret").exit_code == 2
+    assert typed("export", made.folder, "--format", "csv", "--level", "secret").exit_code == 2
 
 
 # --- nothing of a private value, whatever it is and wherever it is said ---

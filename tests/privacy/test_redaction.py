@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import Disk
 from rise_engine.base.words import Words, parse_replacement
-from rise_engine.cli import main
 from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
 from rise_engine.privacy import redaction
 from rise_engine.privacy.redaction import NEW_SUFFIX, redact
@@ -28,6 +26,7 @@ from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import JournalLock, JournalLockedError
 from rise_engine.session.replay import compare_replay
 from tests.chance import examples
+from tests.commands import typed
 from tests.kills import every_kill
 from tests.session.journals import TOML, Made, Recording
 
@@ -47,7 +46,7 @@ def finish(session: Recording) -> None:
         session.report(goal)
 
 
-def typed(session: Recording) -> None:
+def type_a_name(session: Recording) -> None:
     """A wizard types a name wherever one can be typed."""
     finish(session)
     session.assign('name = "Zoë Müller"')
@@ -68,7 +67,7 @@ def made(tmp_path: Path) -> Made:
 
 def made_by(tmp_path: Path, started: SessionStarted | None = None) -> Made:
     made = Made(tmp_path, toml=PRIVATE, started=started)
-    typed(made.session)
+    type_a_name(made.session)
     made.session.do(SessionEnded(reason="over, says Zoë"))
     made.write_session()
     return made
@@ -387,10 +386,6 @@ def test_addresses_are_suggested(made: Made) -> None:
     assert not {"GB", "2026-11-22"} & found
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(each) for each in arguments])
-
-
 def test_of_a_film_in_the_folder_only_the_name_is_looked_at(made: Made) -> None:
     (made.folder / "recordings").mkdir()
     film = made.folder / "recordings" / "Zoë.mkv"
@@ -405,21 +400,21 @@ def test_of_a_film_in_the_folder_only_the_name_is_looked_at(made: Made) -> None:
 
 
 def test_the_command(made: Made) -> None:
-    result = run("redact", made.folder, "--suggest")
+    result = typed("redact", made.folder, "--suggest")
     assert result.exit_code == 0 and "Zoë Müller" in result.output
-    result = run("redact", made.folder, "--replace", "Zoë=NAME1", "--try")
+    result = typed("redact", made.folder, "--replace", "Zoë=NAME1", "--try")
     assert result.exit_code == 0 and "nothing was done" in result.output
-    result = run("redact", made.folder, "--replace", "Zoë=NAME1", "--replace", "Müller=NAME2")
+    result = typed("redact", made.folder, "--replace", "Zoë=NAME1", "--replace", "Müller=NAME2")
     assert result.exit_code == 0 and "it replays: identical" in result.output
     assert "Zoës (1)" in result.output
-    result = run("redact", made.folder, "--replace", "Zoë=NAME1")
+    result = typed("redact", made.folder, "--replace", "Zoë=NAME1")
     assert result.exit_code == 0 and "nothing was changed" in result.output
-    result = run("redact", made.folder, "--replace", "Late=NAME1")
+    result = typed("redact", made.folder, "--replace", "Late=NAME1")
     assert result.exit_code == 1 and "they decide what happened" in result.output
-    assert run("redact", made.folder).exit_code == 2
-    assert run("redact", made.folder, "--replace", "Z=Q").exit_code == 2
-    assert run("redact", "nowhere", "--replace", "Zoë=Q").exit_code == 2
-    document = json.loads(run("redact", made.folder, "--suggest", "--json").output)
+    assert typed("redact", made.folder).exit_code == 2
+    assert typed("redact", made.folder, "--replace", "Z=Q").exit_code == 2
+    assert typed("redact", "nowhere", "--replace", "Zoë=Q").exit_code == 2
+    document = json.loads(typed("redact", made.folder, "--suggest", "--json").output)
     assert document and set(document[0]) == {"word", "why", "count"}
 
 

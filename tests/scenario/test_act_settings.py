@@ -6,11 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from rise_engine.cli import main
 from rise_engine.scenario.model import ActSettings
 from rise_engine.scenario.reading.act_settings import MAX_PATTERNS
+from tests.commands import typed
 
 from .folders import SPEECH, act, loaded
 
@@ -46,10 +45,7 @@ HOLD, SLOW = ActSettings(hold=True), ActSettings(debounce=2.0)
             '[act."R_Task1_*"]\ndebounce = 2.0\n[act."R_Task*"]\ndebounce = 9.0',
             {NAMES[0]: SLOW, NAMES[1]: SLOW, NAMES[2]: ActSettings(debounce=9.0)},
         ),
-        "then what comes later": (
-            '[act."R_N*"]\ndebounce = 9.0\n[act."*Nod"]\ndebounce = 2.0',
-            {"R_Nod": SLOW},
-        ),
+        "then what comes later": ('[act."R_N*"]\ndebounce = 9.0\n[act."*Nod"]\ndebounce = 2.0', {"R_Nod": SLOW}),
         "setting by setting": (
             '[act."R_N*"]\nhold = true\n[act."*_Nod"]\ncalling_type = "none"',
             {"R_Nod": ActSettings(hold=True, calling_type="None")},
@@ -63,10 +59,7 @@ def test_what_holds(tmp_path: Path, toml: str, expected: dict[str, ActSettings])
 @pytest.mark.parametrize(
     ("toml", "expected"),
     [
-        (
-            '[act."R_Tusk*"]\nhold = true',
-            [f"1:6 unknown-act: no act has a name like `R_Tusk*`; known: {KNOWN}"],
-        ),
+        ('[act."R_Tusk*"]\nhold = true', [f"1:6 unknown-act: no act has a name like `R_Tusk*`; known: {KNOWN}"]),
         ("[act.R_Nodd]\nhold = true", ["1:6 unknown-act: there is no act `R_Nodd`; did you mean `R_Nod`?"]),
         ('[act."R_*"]\nholt = true', ["2:1 unknown-key: unknown key `holt`; did you mean `hold`?"]),
         ('[act."R_*"]\ndebounce = 99', ["2:12 out-of-range: `debounce` is from 0 to 60 seconds"]),
@@ -96,22 +89,22 @@ def test_a_filler_by_pattern_is_one(tmp_path: Path) -> None:
 
 def test_check_explains_an_act(tmp_path: Path) -> None:
     settings(tmp_path, '[act."R_Task*"]\nhold = true\n[act."R_Task1_*"]\nhold = false')
-    shown = CliRunner().invoke(main, ["check", str(tmp_path), "--explain", "R_Task1_Step2"])
+    shown = typed("check", tmp_path, "--explain", "R_Task1_Step2")
     assert shown.exit_code == 0
     assert shown.output.splitlines()[:3] == [
         "R_Task1_Step2",
         '  hold          false       [act."R_Task1_*"] (scenario.toml:3)',
         "  debounce      0.5         as usual",
     ]
-    as_json = CliRunner().invoke(main, ["check", str(tmp_path), "--explain", "R_Task2_Step1", "--json"])
+    as_json = typed("check", tmp_path, "--explain", "R_Task2_Step1", "--json")
     assert json.loads(as_json.output)["settings"][0] == {
         "setting": "hold",
         "value": True,
         "table": "R_Task*",
         "line": 1,
     }
-    unknown = CliRunner().invoke(main, ["check", str(tmp_path), "--explain", "R_Task2_Stepp1"])
+    unknown = typed("check", tmp_path, "--explain", "R_Task2_Stepp1")
     assert unknown.exit_code == 2 and "did you mean `R_Task2_Step1`?" in unknown.output
     (tmp_path / "scenario.toml").write_text('[act."X*"]\n', "utf-8")
-    refused = CliRunner().invoke(main, ["check", str(tmp_path), "--explain", "R_Nod"])
+    refused = typed("check", tmp_path, "--explain", "R_Nod")
     assert refused.exit_code == 1 and "no act has a name like `X*`" in refused.output

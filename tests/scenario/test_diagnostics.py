@@ -52,18 +52,9 @@ ACTS: dict[str, tuple[str, list[str]]] = {
     "out of range": ("<Wait><actionID>1</actionID><duration>-1</duration></Wait>", ["2:39 out-of-range"]),
     "unknown name": ("<Emotion><actionID>1</actionID><value>hapy</value></Emotion>", ["2:39 unknown-name"]),
     "unknown code": ("<Emotion><actionID>1</actionID><value>9</value></Emotion>", ["2:39 unknown-name"]),
-    "brace": (
-        "<Speech><actionID>1</actionID><message>a &lt; {b</message></Speech>",
-        ["2:47 template"],
-    ),
-    "unset key": (
-        "<Speech><actionID>1</actionID><message>Hi {nobody}, {pause}</message></Speech>",
-        ["2:43 unset-key"],
-    ),
-    "unset key with fallback": (
-        "<Speech><actionID>1</actionID><message>Hi {nobody|you}</message></Speech>",
-        [],
-    ),
+    "brace": ("<Speech><actionID>1</actionID><message>a &lt; {b</message></Speech>", ["2:47 template"]),
+    "unset key": ("<Speech><actionID>1</actionID><message>Hi {nobody}, {pause}</message></Speech>", ["2:43 unset-key"]),
+    "unset key with fallback": ("<Speech><actionID>1</actionID><message>Hi {nobody|you}</message></Speech>", []),
     "onFailure": (
         "<Wait><actionID>1</actionID><onFailure>stop</onFailure><duration>1</duration></Wait>",
         ["2:40 wrong-value"],
@@ -166,11 +157,7 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     "shortest time": ("", '\n<transition after="1ms" target="S"/>', ["4:20 short-loop"]),
     "short loop, not quite": ("", '\n<transition after="50ms" target="S"/>', []),
     "short wait, no loop": ("", '\n<transition after="1ms" target="T"/></State>\n<State id="T">', []),
-    "short wait, stays": (
-        "",
-        '\n<transition after="1ms"><function startCommunicationRobotAct="A"/></transition>',
-        [],
-    ),
+    "short wait, stays": ("", '\n<transition after="1ms"><function startCommunicationRobotAct="A"/></transition>', []),
     "short loop over conditions": (
         "",
         '\n<transition after="0.04s" cond="pause" target="T"/></State>\n'
@@ -227,11 +214,7 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
         ["5:1 unreachable-transition"],
     ),
     "while without a time": ("", '\n<transition while="pause" target="S"/>', ["4:1 trigger", "4:13 trigger"]),
-    "while with an event": (
-        "",
-        '\n<transition while="pause" eventTopic="A_end" target="S"/>',
-        ["4:13 trigger"],
-    ),
+    "while with an event": ("", '\n<transition while="pause" eventTopic="A_end" target="S"/>', ["4:13 trigger"]),
     "a broken while": ("", '\n<transition while="pause &gt;" after="2s" target="S"/>', ["4:30 condition"]),
     "a part of the session that is none": (
         "",
@@ -255,11 +238,7 @@ RULES: dict[str, tuple[str, str, list[str]]] = {
     ),
     "no effect": ("", '\n<transition after="2s"/>', ["4:1 no-effect"]),
     "own act": (START_A, '\n<transition ended="A" outcome="failed | stopped" target="S"/>', []),
-    "own act that nobody knows": (
-        "",
-        '\n<transition ended="a" target="S"/>',
-        ["4:20 unknown-act"],
-    ),
+    "own act that nobody knows": ("", '\n<transition ended="a" target="S"/>', ["4:20 unknown-act"]),
     "own act that it never starts": ("", '\n<transition ended="A" target="S"/>', ["4:1 unreachable-transition"]),
     "outcome that is none": (START_A, '\n<transition ended="A" outcome="fine" target="S"/>', ["4:32 wrong-value"]),
     "outcome that is none, and what comes after it": (
@@ -501,10 +480,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     ),
     "declared UTF-8": ({"acts/a.xml": '<?xml version="1.0" encoding="UTF-8"?>\n' + act(SPEECH)}, []),
     "DOCTYPE": ({"acts/a.xml": "<!-- x -->\n<!DOCTYPE Dialog>" + act(SPEECH)}, ["acts/a.xml:2:1 doctype"]),
-    "entity bomb": (
-        {"acts/a.xml": '<!DOCTYPE d [<!ENTITY a "b">]>' + act("&a;")},
-        ["acts/a.xml:1:1 doctype"],
-    ),
+    "entity bomb": ({"acts/a.xml": '<!DOCTYPE d [<!ENTITY a "b">]>' + act("&a;")}, ["acts/a.xml:1:1 doctype"]),
     "too deep": ({"acts/a.xml": "<a>" * 300 + "</a>" * 300}, ["acts/a.xml:1:771 too-deep"]),
     "deep conditions": (
         {"rules/r.xml": in_state('<if cond="true">' * 60 + "</if>" * 60)},
@@ -541,10 +517,7 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         [],
     ),
     "act twice": ({"acts/a.xml": act(SPEECH), "acts/b.xml": act(SPEECH)}, ["acts/b.xml:1:15 duplicate-name"]),
-    "rule twice": (
-        {"rules/a.xml": in_state(""), "rules/b.xml": in_state("")},
-        ["rules/b.xml:1:24 duplicate-name"],
-    ),
+    "rule twice": ({"rules/a.xml": in_state(""), "rules/b.xml": in_state("")}, ["rules/b.xml:1:24 duplicate-name"]),
     "cycle": (
         {
             "acts/a.xml": act(

@@ -108,9 +108,6 @@ def test_names_that_lead_out_of_the_folders_are_no_robots(tmp_path: Path) -> Non
 
 
 def test_an_action_takes_as_long_as_its_defaults_say() -> None:
-    timed = [
-        Parameter("duration", "number", unit="ms", default=1000),
-        Parameter("repetitions", "integer", default=3),
-    ]
+    timed = [Parameter("duration", "number", unit="ms", default=1000), Parameter("repetitions", "integer", default=3)]
     turn = ActionSpec("Turn", {each.name: each for each in timed}, seconds=7.0)
     assert [expected_seconds(turn, given) for given in ({}, {"duration": 500}, {"repetitions": 1})] == [3.0, 1.5, 1.0]

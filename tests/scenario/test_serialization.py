@@ -65,10 +65,7 @@ def test_conditions_and_assignments_do_the_same(tmp_path: Path) -> None:
     again = decode_scenario(encode_scenario(result.scenario))
     assert again == result.scenario
     memory: dict[str, Any] = {"one": [1, 2.0, "x"], "word": "é"}
-    pairs = zip(
-        *(statements(each.rules["R"].states["S"].on_entry) for each in (result.scenario, again)),
-        strict=True,
-    )
+    pairs = zip(*(statements(each.rules["R"].states["S"].on_entry) for each in (result.scenario, again)), strict=True)
     compared = 0
     for before, after in pairs:
         if before.assignment is not None and after.assignment is not None:

@@ -9,10 +9,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.cli import main
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario import shipped_studies
 from rise_engine.scenario.loader import load
@@ -20,6 +18,7 @@ from rise_engine.scenario.reading.element_templates import LIBRARY
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path
 from rise_tui.panes.save_start_values import memory_file_path
+from tests.commands import typed
 
 STUDIES = Path(__file__).parents[2] / "scenarios"
 NAMES = sorted(path.name for path in STUDIES.iterdir() if path.is_dir())
@@ -72,16 +71,16 @@ def test_everything_else_stays_what_it_is(written: str) -> None:
 def test_what_is_not_there_names_the_studies() -> None:
     diagnostics = load("lablnking").diagnostics
     assert "`lablinking`" in diagnostics[0].message and "there is no such folder" in diagnostics[0].message
-    result = CliRunner().invoke(main, ["check", "lablnking"])
+    result = typed("check", "lablnking")
     assert result.exit_code == 2 and "`lablinking`" in result.output
     prepared = load_scenario(SessionOptions("lablnking"))
     assert isinstance(prepared, ScenarioProblems) and "`lablinking`" in prepared.lines[0]
 
 
 def test_the_commands_take_the_name() -> None:
-    checked = CliRunner().invoke(main, ["check", "lablinking/"])
+    checked = typed("check", "lablinking/")
     assert checked.exit_code == 0 and "35 acts" in checked.output
-    ran = CliRunner().invoke(main, ["run", "greeting", "--act", "R_Greeting", "--speed", "max"])
+    ran = typed("run", "greeting", "--act", "R_Greeting", "--speed", "max")
     assert ran.exit_code == 0, ran.output
     prepared = load_scenario(SessionOptions("greeting"))
     assert not isinstance(prepared, ScenarioProblems) and prepared.title == "Greeting a visitor"
@@ -95,7 +94,7 @@ def test_nothing_is_written_into_it() -> None:
 
 
 def test_a_copy_is_the_same_study_and_ones_own(elsewhere: Path) -> None:
-    result = CliRunner().invoke(main, ["new", "my study/first", "--from", "lablinking"])
+    result = typed("new", "my study/first", "--from", "lablinking")
     assert result.exit_code == 0, result.output
     assert "rise-tui --config 'my study/first'" in result.output
     new = elsewhere / "my study" / "first"
@@ -116,25 +115,25 @@ def test_a_copy_never_mixes_with_what_is_there(there: str, elsewhere: Path) -> N
         (elsewhere / "mine").mkdir()
         (elsewhere / "mine" / ".hidden").write_text("x")
     before = sorted(elsewhere.rglob("*"))
-    result = CliRunner().invoke(main, ["new", "mine", "--from", "greeting"])
+    result = typed("new", "mine", "--from", "greeting")
     assert result.exit_code == 1 and ("is not a folder" in result.output or "is not empty" in result.output)
     assert sorted(elsewhere.rglob("*")) == before
 
 
 def test_an_empty_folder_is_taken(elsewhere: Path) -> None:
     (elsewhere / "mine").mkdir()
-    assert CliRunner().invoke(main, ["new", "mine", "--from", "greeting"]).exit_code == 0
+    assert typed("new", "mine", "--from", "greeting").exit_code == 0
 
 
 def test_new_says_what_there_is() -> None:
-    listing = CliRunner().invoke(main, ["new", "--list"])
+    listing = typed("new", "--list")
     assert listing.exit_code == 0 and [line.split()[0] for line in listing.output.splitlines()] == NAMES
-    wrong = CliRunner().invoke(main, ["new", "mine", "--from", "lablnking"])
+    wrong = typed("new", "mine", "--from", "lablnking")
     assert wrong.exit_code == 1 and "did you mean `lablinking`?" in wrong.output
     assert "LabLinking: setting the table" in wrong.output
     assert not Path("mine").exists()
     for arguments in (["new"], ["new", "mine"], ["new", "--from", "lablinking"]):
-        assert CliRunner().invoke(main, arguments).exit_code == 2
+        assert typed(*arguments).exit_code == 2
 
 
 def test_the_wheel_holds_the_studies_the_ros_types_and_the_notices(tmp_path: Path) -> None:

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from rise_engine.cli import main
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.editor_schemas import act_schema_text
 from rise_engine.scenario.model import Scenario
@@ -30,6 +28,7 @@ from rise_engine.scenario.speech.ssml import (
     plain_words,
 )
 from rise_engine.scenario.speech.template import TemplateError, parse_template
+from tests.commands import typed
 
 from .folders import found, loaded
 
@@ -362,7 +361,7 @@ def test_a_template_may_have_it(tmp_path: Path) -> None:
 def test_what_expand_prints_is_the_same_act(tmp_path: Path) -> None:
     folder = tmp_path / "templates"
     before = loaded(folder, {"acts/a.xml": TEMPLATES}).scenario
-    printed = CliRunner().invoke(main, ["expand", str(folder)])
+    printed = typed("expand", folder)
     assert printed.exit_code == 0, printed.output
     text = printed.stdout[printed.stdout.index("<Dialogs>") : printed.stdout.index("</Dialogs>") + len("</Dialogs>")]
     after = loaded(tmp_path / "plain", {"acts/a.xml": text}).scenario

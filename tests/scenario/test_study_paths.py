@@ -9,19 +9,18 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from click.testing import CliRunner
 
 from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, ReplaceFile, SetSetting
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.study_folder import finish_interrupted, read_study_files, write_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import StudyError
-from rise_engine.cli import main
 from rise_engine.scenario.files.study_paths import why_not_read, why_not_written
 from rise_engine.scenario.files.tree import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import write_new_folder
 from rise_engine.study.study_toml import load_study
+from tests.commands import typed
 from tests.study.studies import write_study
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -118,7 +117,7 @@ def test_a_file_of_edits_that_leads_out_is_refused_whole(study: Path, tmp_path: 
     edits = tmp_path / "edits.json"
     edits.write_bytes(msgspec.json.encode([*EDITS, SetSetting(("title",), "Changed")]))
     before = everything(study)
-    found = CliRunner().invoke(main, ["edit", str(study), str(edits), *filter(None, [option])])
+    found = typed("edit", study, edits, *filter(None, [option]))
     assert found.exit_code == 1
     told = [line for line in found.output.splitlines() if ": edit " in line]
     assert len(told) == len(EDITS) and found.output.endswith("nothing was written\n")

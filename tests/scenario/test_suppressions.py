@@ -7,11 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import rise_engine.scenario
-from rise_engine.cli import main
 from rise_engine.scenario.diagnostics import WARNING_CODES
+from tests.commands import typed
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 ELSE = '<if cond="k"><if cond="k"/>{}<else/></if>'
@@ -39,10 +38,7 @@ def test_at_its_place_and_with_its_reason(tmp_path: Path) -> None:
         ("<!-- check: allow -->", ["ambiguous-else", "bad-allow"]),
         ("<!-- check: allow ambigous-else: we mean it -->", ["ambiguous-else", "bad-allow"]),
         ("<!-- check: allow unset-key: we mean it -->", ["ambiguous-else", "unused-allow"]),
-        (
-            "<!-- check: allow ambiguous-else: a --><!-- check: allow ambiguous-else: b -->",
-            ["unused-allow"],
-        ),
+        ("<!-- check: allow ambiguous-else: a --><!-- check: allow ambiguous-else: b -->", ["unused-allow"]),
     ],
 )
 def test_a_silencing_that_does_nothing_is_a_finding(tmp_path: Path, comment: str, expected: list[str]) -> None:
@@ -114,11 +110,11 @@ def test_the_memory_has_no_comments(tmp_path: Path, allow: str, expected: list[s
 def test_check_says_how_many(tmp_path: Path) -> None:
     entry = ELSE.format("<!-- check: allow ambiguous-else: we mean it -->")
     loaded(tmp_path, {"rules/r.xml": in_state(entry), "memory.json": MEMORY})
-    short = CliRunner().invoke(main, ["check", str(tmp_path)])
+    short = typed("check", tmp_path)
     assert short.exit_code == 0 and short.output.startswith("no errors or warnings, 1 silenced (")
-    long = CliRunner().invoke(main, ["check", str(tmp_path), "--all"]).output.splitlines()
+    long = typed("check", tmp_path, "--all").output.splitlines()
     assert "silenced ambiguous-else: " in long[0] and long[0].endswith("(reason: we mean it)")
-    answer = json.loads(CliRunner().invoke(main, ["check", str(tmp_path), "--json"]).output)
+    answer = json.loads(typed("check", tmp_path, "--json").output)
     assert answer["warnings"] == 0 and answer["findings"] == []
     assert answer["silenced"][0]["reason"] == "we mean it" and answer["silenced"][0]["code"] == "ambiguous-else"
 

@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.cli import main
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.reading.tables import MAX_ROWS, TABLES_FOLDER, read_tables
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
+from tests.commands import typed
 from tests.scenario.folders import act, folder, found, in_state, loaded
 
 USE = {"rules/r.xml": in_state('<function assignValue="n = length(items)"/>')}
@@ -95,12 +94,7 @@ WRONG: dict[str, tuple[str | bytes, str, str, str]] = {
     "no cp1252": (b"a;b\n1;\x81\n", 'encoding = "cp1252"\n', "items.csv:2:3 encoding", "not CP1252"),
     "UTF-16": ("a;b\n".encode("utf-16"), "", "items.csv:1:1 encoding", "save it as UTF-8"),
     "nothing": ("\n\n", "", "items.csv:1:1 table-form", "its first row has the names"),
-    "a value too many": (
-        "a,b\n1,2\n3,4,5\n",
-        "",
-        "items.csv:3:5 table-form",
-        "a comma in it needs quotation marks",
-    ),
+    "a value too many": ("a,b\n1,2\n3,4,5\n", "", "items.csv:3:5 table-form", "a comma in it needs quotation marks"),
     "a value too many behind a comma in a text": (
         'a,b\n"x, y",2, z\n',
         "",
@@ -347,7 +341,7 @@ def test_templates_stand_in_an_index(tmp_path: Path) -> None:
     assert right.scenario is not None and right.diagnostics == []
     wrong = loaded(tmp_path / "b", {**files, "acts/a.xml": f"<Dialogs>{template.format('txt')}{use}</Dialogs>"})
     assert [each.code for each in wrong.diagnostics] == ["unknown-path"]
-    expanded = CliRunner().invoke(main, ["expand", str(tmp_path / "a"), "-o", str(tmp_path / "c")])
+    expanded = typed("expand", tmp_path / "a", "-o", tmp_path / "c")
     assert "parts of values by index (1)" in expanded.output
     assert (tmp_path / "c" / "tables" / "items.csv").read_text("utf-8") == TABLE
 

@@ -7,16 +7,15 @@ from typing import Any
 
 import msgspec
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.cli import main
 from rise_engine.scenario.files.xml import TextPiece, text_pieces
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.reading import expansion
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
+from tests.commands import typed
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 SAY = """<Template name="Say"><parameter name="id"/><parameter name="text"/><parameter name="after" default=""/>
@@ -246,7 +245,7 @@ def test_a_warning_is_silenced_at_the_use_or_in_the_template(tmp_path: Path, whe
 
 def test_json_says_where_in_the_template(tmp_path: Path) -> None:
     loaded(tmp_path, {"acts/a.xml": acts(f'{SAY}<Dialog name="A"><use template="Say" id="1" text="{{k}}"/></Dialog>')})
-    output = CliRunner().invoke(main, ["check", str(tmp_path), "--json"]).output
+    output = typed("check", tmp_path, "--json").output
     (row,) = msgspec.json.decode(output)["findings"]
     assert (row["line"], row["template"]) == (4, {"name": "Say", "file": "acts/a.xml", "line": 3, "column": 85})
 
@@ -346,7 +345,7 @@ def test_parameters_between_the_tags_of_ssml(tmp_path: Path) -> None:
         '<speak>Hello <break time="500ms"/> Anna, and <emphasis>you</emphasis> {nobody|} <s/></speak>'
     )
     assert found(result) == []
-    done = CliRunner().invoke(main, ["expand", str(tmp_path / "short"), "-o", str(tmp_path / "plain")])
+    done = typed("expand", tmp_path / "short", "-o", tmp_path / "plain")
     assert done.exit_code == 0 and model(load(tmp_path / "plain")) == model(result)
 
 
@@ -401,7 +400,7 @@ def test_what_expand_writes_is_the_same_scenario(texts: list[tuple[str, bool]], 
         if in_own_file:
             files["acts/say.xml"] = SAY
         result = loaded(old, files | {"scenario.toml": "title = 't'"})
-        done = CliRunner().invoke(main, ["expand", str(old), "-o", str(new)])
+        done = typed("expand", old, "-o", new)
         assert done.exit_code == 0, done.output
         assert model(load(new)) == model(result)
         text = (new / "acts" / "a.xml").read_text("utf-8")
@@ -412,7 +411,7 @@ def test_what_expand_writes_is_the_same_scenario(texts: list[tuple[str, bool]], 
 @pytest.mark.parametrize("study", shipped_studies())
 def test_the_shipped_studies_are_the_same_without_templates(tmp_path: Path, study: str) -> None:
     new = tmp_path / study
-    assert CliRunner().invoke(main, ["expand", study, "-o", str(new)]).exit_code == 0
+    assert typed("expand", study, "-o", new).exit_code == 0
     assert model(load(new)) == model(load(shipped_studies()[study]))
     written = "".join(path.read_text("utf-8") for path in new.rglob("*.xml"))
     assert "<use" not in written and "<Template" not in written and "${" not in written
@@ -426,7 +425,7 @@ def test_expand_prints_and_says_what_is_beyond_rise(tmp_path: Path) -> None:
         ),
     }
     loaded(tmp_path, files)
-    done = CliRunner().invoke(main, ["expand", str(tmp_path)])
+    done = typed("expand", tmp_path)
     assert done.exit_code == 0
     assert '<!-- acts/a.xml -->\n<Dialogs>\n<Dialog name="A"><Speech>\n' in done.stdout
     assert "<!-- rules/r.xml -->" in done.stdout and "Template" not in done.stdout
@@ -438,9 +437,9 @@ def test_expand_prints_and_says_what_is_beyond_rise(tmp_path: Path) -> None:
 
 def test_expand_refuses(tmp_path: Path) -> None:
     loaded(tmp_path / "bad", {"acts/a.xml": acts("<use/>")})
-    done = CliRunner().invoke(main, ["expand", str(tmp_path / "bad")])
+    done = typed("expand", tmp_path / "bad")
     assert done.exit_code == 1 and "missing-attribute" in done.stderr and done.stdout == ""
     loaded(tmp_path / "good", {"acts/a.xml": act(SPEECH)})
-    done = CliRunner().invoke(main, ["expand", str(tmp_path / "good"), "-o", str(tmp_path / "bad")])
+    done = typed("expand", tmp_path / "good", "-o", tmp_path / "bad")
     assert done.exit_code == 1 and "is not empty; name a new folder" in done.stderr
-    assert CliRunner().invoke(main, ["expand", str(tmp_path / "none")]).exit_code == 2
+    assert typed("expand", tmp_path / "none").exit_code == 2

@@ -113,10 +113,7 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "another text since": (GERMAN.replace("Right.", "Wrong."), ["texts/de.toml:5:1 stale-translation"]),
     "no such act": (f"{GERMAN}[B]\n", ["texts/de.toml:6:2 unknown-text"]),
     "no such text": (f'{GERMAN}"2/3" = {{ text = "x", of = "y" }}', ["texts/de.toml:6:1 unknown-text"]),
-    "variants now": (
-        GERMAN.replace('"2/1"', "2"),
-        ["acts/a.xml:1:1 untranslated", "texts/de.toml:3:1 unknown-text"],
-    ),
+    "variants now": (GERMAN.replace('"2/1"', "2"), ["acts/a.xml:1:1 untranslated", "texts/de.toml:3:1 unknown-text"]),
     "slot left out": (GERMAN.replace("{name|du}", "du"), ["texts/de.toml:2:14 slot-differs"]),
     "another slot": (GERMAN.replace("{name|du}", "{nam|du}"), ["texts/de.toml:2:14 slot-differs"]),
     "no fallback": (GERMAN.replace("{name|du}", "{name}"), ["texts/de.toml:2:14 slot-differs"]),

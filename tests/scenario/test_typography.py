@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from rise_engine.cli import main
+from tests.commands import typed
 from tests.scenario.folders import act, found, in_state, loaded
 
 MEMORY = '{"a": 1}'
@@ -69,9 +68,9 @@ def test_in_texts_they_are_letters_like_others(tmp_path: Path) -> None:
 
 
 def test_on_the_command_line() -> None:
-    memory = CliRunner().invoke(main, ["eval", "a", "--memory", "{“a”: 1}"])
+    memory = typed("eval", "a", "--memory", "{“a”: 1}")
     assert memory.exit_code == 2 and "`“` is a typographic quotation mark" in memory.output
-    condition = CliRunner().invoke(main, ["eval", "a = ‘x’"])
+    condition = typed("eval", "a = ‘x’")
     assert condition.exit_code == 1 and "`‘` is a typographic quotation mark" in condition.output
 
 

@@ -100,10 +100,7 @@ def test_the_second_run_is_the_rest_of_the_order_and_the_second_attempt_the_same
             ["'no+quiet' is not the condition of P01 in run 1: the plan gives it, so leave --condition out"],
         ),
         (BeginRequest("P1", seed=1), 2),
-        (
-            BeginRequest("p07", mode="debug"),
-            ["there is no participant 'p07' in participants.csv; did you mean `P07`?"],
-        ),
+        (BeginRequest("p07", mode="debug"), ["there is no participant 'p07' in participants.csv; did you mean `P07`?"]),
         (BeginRequest("P77", purpose="training"), 1),
         (BeginRequest("X1", purpose="pilot"), 1),
         (

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from rise_engine.cli import main
 from rise_engine.study.study_log import read_log
 from tests.checks.samples import real_study, script
 from tests.cli.processes import Live, engine
+from tests.commands import typed
 
 pytestmark = pytest.mark.slow
 
@@ -70,11 +70,11 @@ def journal(lab: Path) -> list[dict[str, Any]]:
 
 
 def judge(lab: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(main, ["study", "outcome", str(lab), *arguments])
+    return typed("study", "outcome", lab, *arguments)
 
 
 def due(lab: Path) -> str:
-    return CliRunner().invoke(main, ["study", "status", str(lab)]).output
+    return typed("study", "status", lab).output
 
 
 def test_a_day(lab: Path) -> None:

@@ -9,25 +9,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 from rise_engine.author.explore.situation_graph import FindingLevel
 from rise_engine.checks import kinds
 from rise_engine.checks.kinds import KindFinding, MergedFinding, StudyLook, merge
-from rise_engine.cli import main
 from rise_engine.cli.study.planning import look_lines
 from rise_engine.study.model import PlannedRun
 from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import load_study
+from tests.commands import typed
 
 STUDY = Path(__file__).parent / "kinds"
 IN_ENGLISH = "(in 2 of 8 kinds of session: direct+forward (en), direct+back (en))"
 FAILS = "scenario/acts/ask.xml:3:3: problem play-failed: R_Ask failed at action 1 when it was played: "
-
-
-def run(*arguments: str) -> Result:
-    return CliRunner().invoke(main, [*arguments])
 
 
 def changed(file: Path, *changes: tuple[str, str]) -> None:
@@ -63,7 +58,7 @@ def test_the_kinds_are_all_conditions_in_all_languages(folder: Path) -> None:
 
 
 def test_what_fails_in_one_condition_and_language_only_is_found(folder: Path) -> None:
-    result = run("study", "check", str(folder))
+    result = typed("study", "check", folder)
     assert result.exit_code == 1
     found = [line for line in result.output.splitlines() if line.startswith(FAILS)]
     assert len(found) == 1
@@ -76,7 +71,9 @@ def test_what_fails_in_one_condition_and_language_only_is_found(folder: Path) ->
 
 def test_an_assignment_that_fails_is_found_with_its_line_and_the_reason(right: Path) -> None:
     changed(right / "scenario/rules/objects.xml", ('"i = i + 1"', '"i = column + i"'))
-    result = run("study", "check", str(right))
+    orders = "levels.forward.memory = { order = [0, 1] }\nlevels.back.memory = { order = [1, 0] }\n"
+    changed(right / "study.toml", (f'[factors.first]\nkind = "within"\n{orders}\n', ""))  # 4 kinds, not 8
+    result = typed("study", "check", right)
     assert result.exit_code == 1
     found = [line for line in result.output.splitlines() if "play-failed" in line]
     place = "scenario/rules/objects.xml:17:7: problem play-failed: "
@@ -98,19 +95,19 @@ def test_a_key_that_can_be_lost_is_shown_and_other_remarks_are_not() -> None:
 
 
 def test_nothing_is_planned_then_unless_somebody_says_why(folder: Path) -> None:
-    result = run("study", "plan", str(folder))
+    result = typed("study", "plan", folder)
     assert result.exit_code == 1
     assert FAILS in result.output
     assert "--anyway REASON" in result.output
     assert not (folder / "plan.csv").exists()
-    assert run("study", "plan", str(folder), "--anyway", " ").exit_code == 2
-    assert run("study", "plan", str(folder), "--anyway", "nobody speaks English").exit_code == 0
+    assert typed("study", "plan", folder, "--anyway", " ").exit_code == 2
+    assert typed("study", "plan", folder, "--anyway", "nobody speaks English").exit_code == 0
     assert read_log(folder)[-1].get("anyway") == "nobody speaks English"
-    assert run("study", "plan", str(folder)).exit_code == 0, "there is a plan, and it is told again"
+    assert typed("study", "plan", folder).exit_code == 0, "there is a plan, and it is told again"
 
 
 def test_a_study_without_problems_is_planned(right: Path) -> None:
-    result = run("study", "plan", str(right))
+    result = typed("study", "plan", right)
     assert result.exit_code == 0, result.output
     assert "; 0 problems, " in result.output
     assert "anyway" not in read_log(right)[-1].fields
@@ -118,10 +115,7 @@ def test_a_study_without_problems_is_planned(right: Path) -> None:
 
 @pytest.mark.parametrize(
     ("column", "problem"),
-    [
-        ("direkt_en", "the table `questions` has no column `direkt_en`; did you mean `direct_de`?"),
-        ("direct_de", ""),
-    ],
+    [("direkt_en", "the table `questions` has no column `direkt_en`; did you mean `direct_de`?"), ("direct_de", "")],
 )
 def test_a_column_that_a_level_names_and_a_table_lacks_is_found_without_playing(
     folder: Path, monkeypatch: pytest.MonkeyPatch, column: str, problem: str
@@ -136,21 +130,21 @@ def test_a_column_that_a_level_names_and_a_table_lacks_is_found_without_playing(
         ('{ german = "direct_de", english = "direct_en" }', f'{{ column = "{column}" }}'),
     )
     monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
-    found = json.loads(run("study", "check", str(folder), "--json").output)["explored"]["findings"]
+    found = json.loads(typed("study", "check", folder, "--json").output)["explored"]["findings"]
     missing = [each for each in found if each["kind"] == "missing-part"]
     assert [each["text"] for each in missing] == ([f"R_Ask fails at action 1: {problem}"] if problem else [])
     assert all(len(each["kinds"]) == 4 for each in missing)
 
 
 def test_exploring_a_study_tells_each_finding_once(folder: Path) -> None:
-    result = run("explore", str(folder), "--cores", "1", "--no-stop", "--no-lost")
+    result = typed("explore", folder, "--cores", "1", "--no-stop", "--no-lost")
     assert result.exit_code == 1
     assert result.output.count("PROBLEM") == 1
     assert " ".join(result.output.split()).count(IN_ENGLISH) == 1
     assert result.output.count("Looked at all ") == 1, "what is the same of all kinds is told once"
-    assert run("explore", str(folder), "--keys").exit_code == 2
+    assert typed("explore", folder, "--keys").exit_code == 2
     changed(folder / "study.toml", ("n = 8", "n = -8"))
-    result = run("explore", str(folder))
+    result = typed("explore", folder)
     assert result.exit_code == 1
     assert "nothing is explored as long as the study has errors" in result.output
 
@@ -169,12 +163,12 @@ def test_what_has_not_changed_is_looked_at_once(
     right: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[Path], None], again: int
 ) -> None:
     monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
-    first = run("study", "check", str(right)).output
+    first = typed("study", "check", right).output
     looked: list[str] = []
     look = kinds._look
     monkeypatch.setattr(kinds, "_look", lambda study, kind, scenario: looked.append("") or look(study, kind, scenario))
     change(right)
-    assert run("study", "check", str(right)).output == first
+    assert typed("study", "check", right).output == first
     assert len(looked) == again
     kept = (right / kinds.KEPT).read_text()
     for edited in (
@@ -183,7 +177,7 @@ def test_what_has_not_changed_is_looked_at_once(
         kept.replace('"level":"warning"', '"level":"remark"'),
     ):
         (right / kinds.KEPT).write_text(edited)
-        assert run("study", "check", str(right)).output == first
+        assert typed("study", "check", right).output == first
 
 
 def kind(condition: str, language: str = "", scenario: str = "/s") -> SessionKind:
@@ -226,7 +220,7 @@ def test_findings_are_merged(
 
 def test_what_was_broken_off_is_said(right: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
-    result = run("study", "check", str(right))
+    result = typed("study", "check", right)
     assert (
         "; exploring stopped after 0 s in 8 kinds; playing stopped after 0 s in 8 kinds, "
         "and `rise-engine explore STUDY` looks at more"

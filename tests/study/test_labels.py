@@ -13,11 +13,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from msgspec.structs import replace
 
 from rise_engine.checks.devices import look_at_last_session
-from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.analysis.reading import read_session
@@ -35,6 +33,7 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.verdict import read_verdict
+from tests.commands import typed
 from tests.results.analysis.samples import make_study, play_session, recovered_session, sessions_of, short
 
 
@@ -44,7 +43,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def run(*arguments: object) -> tuple[int, str]:
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    result = typed(*arguments)
     return result.exit_code, result.output
 
 
@@ -140,32 +139,12 @@ def test_a_corrected_outcome_has_a_reason(study: Path) -> None:
         read_session(folder)
 
 
-def _replay(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run("replay", folder)
-
-
-def _export(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run("export", study, "--format", "tables", "-o", out)
-
-
-def _records(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run("export", folder, "--format", "csv")
-
-
 def _bundle(study: Path, folder: Path, out: Path) -> tuple[int, str]:
     try:
         make_bundle(read_state(study), sessions_of(study)[1:], out, BundleOptions())
     except ExportError as error:
         return 1, str(error)
     return 0, ""
-
-
-def _report(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run("report", study, "-o", out)
-
-
-def _list(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    return run("sessions", study)
 
 
 def _media(study: Path, folder: Path, out: Path) -> tuple[int, str]:
@@ -190,19 +169,29 @@ def _check_before(study: Path, folder: Path, out: Path) -> tuple[int, str]:
     return int(not found.passed), found.reason
 
 
-@pytest.mark.parametrize(
-    "reader", [_replay, _export, _records, _bundle, _report, _check_before, _list, _media, _attach]
-)
+READERS: dict[str, Callable[[Path, Path, Path], tuple[int, str]]] = {
+    "replay": lambda study, folder, out: run("replay", folder),
+    "export": lambda study, folder, out: run("export", study, "--format", "tables", "-o", out),
+    "records": lambda study, folder, out: run("export", folder, "--format", "csv"),
+    "bundle": _bundle,
+    "report": lambda study, folder, out: run("report", study, "-o", out),
+    "list": lambda study, folder, out: run("sessions", study),
+    "media": _media,
+    "attach": _attach,
+    "check": _check_before,
+}
+"""Whatever reads a session, given the study, the session's folder and a new path: its status, and what it says."""
+
+
+@pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("file", [INFO, LOG_FILE])
-def test_whatever_reads_a_session_refuses_it(
-    study: Path, tmp_path: Path, reader: Callable[[Path, Path, Path], tuple[int, str]], file: str
-) -> None:
+def test_whatever_reads_a_session_refuses_it(study: Path, tmp_path: Path, reader: str, file: str) -> None:
     folder = sessions_of(study)[-1]
     if file == INFO:
         edit(folder / INFO, r'^condition = ".*"', 'condition = "never"')
     else:
         edit(study / LOG_FILE, rf'"condition":"[^"]*"(?=.*{folder.name})', '"condition":"never"')
-    status, said = reader(study, folder, tmp_path / "out")
+    status, said = READERS[reader](study, folder, tmp_path / "out")
     assert status != 0
     assert 'says condition = "never", but journal.jsonl says condition = "' in said.replace("\\", "")
     assert not (tmp_path / "out").exists()
@@ -313,14 +302,6 @@ def test_a_whole_study_is_proved(study: Path) -> None:
     assert [each["proved"] for each in document["sessions"]] == [True] * 8
 
 
-def _erase(study: Path, folder: Path) -> None:
-    shutil.rmtree(folder)
-
-
-def _relabel(study: Path, folder: Path) -> None:
-    edit(folder / INFO, r"^run = \d", "run = 7")
-
-
 def _other_record(study: Path, folder: Path) -> None:
     text = (folder / "journal.jsonl").read_bytes()
     lines = text.splitlines(keepends=True)
@@ -359,21 +340,24 @@ def _unnamed(study: Path, folder: Path) -> None:
     (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
 
 
-@pytest.mark.parametrize(
-    ("damage", "told"),
-    [
-        (_erase, "study.jsonl names this session, and its folder is not there"),
-        (_relabel, "session.toml says run = 7, but journal.jsonl says run = 1"),
-        (_other_record, '`status` is "ABORTED", but the replay gives "SUCCEEDED"'),
-        (_other_plan, "plan.csv gives row "),
-        (_unnamed, "study.jsonl does not name this session"),
-        (_other_name, 'the folder\'s name says "P03", but journal.jsonl says participant = "P01"'),
-        (_other_reason, 'says reason = "all fine", but journal.jsonl says reason = ""'),
-    ],
-)
-def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path], None], told: str) -> None:
+UNPROVED: dict[str, Callable[[Path, Path], object]] = {
+    "study.jsonl names this session, and its folder is not there": lambda study, folder: shutil.rmtree(folder),
+    "session.toml says run = 7, but journal.jsonl says run = 1": lambda study, folder: edit(
+        folder / INFO, r"^run = \d", "run = 7"
+    ),
+    '`status` is "ABORTED", but the replay gives "SUCCEEDED"': _other_record,
+    "plan.csv gives row ": _other_plan,
+    "study.jsonl does not name this session": _unnamed,
+    'the folder\'s name says "P03", but journal.jsonl says participant = "P01"': _other_name,
+    'says reason = "all fine", but journal.jsonl says reason = ""': _other_reason,
+}
+"""What is said, and what somebody did to the study and to one session's folder before."""
+
+
+@pytest.mark.parametrize("told", UNPROVED)
+def test_what_is_not_proved_is_named(study: Path, told: str) -> None:
     folder = sessions_of(study)[1]
-    damage(study, folder)
+    UNPROVED[told](study, folder)
     status, lines = check_sessions(study)
     assert status == 1
     about = [line for line in lines if line.startswith((f"{folder.name}: ", f"{folder.name[:17]}_P03_"))]
@@ -431,30 +415,25 @@ def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
 # --- lost -------------------------------------------------------------------------------------------------------------
 
 
-def _no_journal(folder: Path) -> None:
-    (folder / "journal.jsonl").unlink()
+def _a_folder_instead(journal: Path) -> None:
+    journal.unlink()
+    journal.mkdir()
 
 
-def _empty_journal(folder: Path) -> None:
-    (folder / "journal.jsonl").write_bytes(b"")
+LOST: dict[str, Callable[[Path], object]] = {
+    "no journal": lambda journal: journal.unlink(),
+    "an empty one": lambda journal: journal.write_bytes(b""),
+    "its header": lambda journal: journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0]),
+    "a folder": _a_folder_instead,
+}
 
 
-def _only_the_header(folder: Path) -> None:
-    journal = folder / "journal.jsonl"
-    journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
-
-
-def _a_folder_instead(folder: Path) -> None:
-    _no_journal(folder)
-    (folder / "journal.jsonl").mkdir()
-
-
-@pytest.mark.parametrize("lose", [_no_journal, _empty_journal, _only_the_header, _a_folder_instead])
+@pytest.mark.parametrize("left", LOST)
 def test_a_session_whose_journal_is_lost_is_told_and_its_run_is_not_asked_for_again(
-    study: Path, tmp_path: Path, lose: Callable[[Path], None]
+    study: Path, tmp_path: Path, left: str
 ) -> None:
     folder = next(each for each in sessions_of(study) if "P01" in each.name and read_info(each).purpose == "counted")
-    lose(folder)
+    LOST[left](folder / "journal.jsonl")
     told = f"{folder.name} of P01 has no readable journal"
     state = read_state(study)
     assert [each for each in state.standing.due if each.startswith(told)] and state.state_of("P01") == "complete"
@@ -464,9 +443,15 @@ def test_a_session_whose_journal_is_lost_is_told_and_its_run_is_not_asked_for_ag
     assert status == 1 and f"sessions/{folder.name}:1:1: error lost-session: it has no readable journal" in said
     status, lines = check_sessions(study)
     assert status == 1 and any(line.startswith(f"{folder.name}: not proved: it has no readable") for line in lines)
-    status, said = _export(study, folder, tmp_path / "x")
+    status, said = READERS["export"](study, folder, tmp_path / "x")
     assert status == 1 and f"warning: {folder.name} is not in the export: it has no readable journal" in said
     assert f"{folder.name} has no readable journal" in run("report", study)[1]
+
+
+@pytest.mark.parametrize("left", ["no journal", "a folder"])
+def test_a_bundle_tells_of_a_session_whose_journal_is_lost(study: Path, tmp_path: Path, left: str) -> None:
+    folder = sessions_of(study)[1]
+    LOST[left](folder / "journal.jsonl")
     said = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", "full")[1]
     assert f"{folder.name} is not in the export: it has no readable journal" in said
     assert f"anything about {folder.name}: " in run("reproduce", tmp_path / "bundle")[1]
@@ -476,7 +461,7 @@ def test_a_session_that_only_its_session_toml_knows_is_told(study: Path) -> None
     """Also when the log lost its lines: the engine had noted its clock, so it ran."""
     folder = sessions_of(study)[1]
     (folder / "clock").write_text("118.000")
-    _no_journal(folder)
+    (folder / "journal.jsonl").unlink()
     lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
     (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
     assert any(each.startswith(f"{folder.name} of P01 has no readable") for each in read_state(study).standing.due)
@@ -485,7 +470,7 @@ def test_a_session_that_only_its_session_toml_knows_is_told(study: Path) -> None
 def test_an_engine_that_was_killed_at_once_leaves_no_session(study: Path) -> None:
     """It had written that the session begins, and its journal was still empty."""
     folder = sessions_of(study)[1]
-    _empty_journal(folder)
+    (folder / "journal.jsonl").write_bytes(b"")
     log = study / LOG_FILE
     lines = [each for each in log.read_text("utf-8").splitlines(keepends=True) if folder.name not in each]
     begins = '{"kind":"session","at":"2024-11-23T10:30:00.000+01:00","participant":"P01","slot":1,"run":1,"attempt":1,'
@@ -506,7 +491,7 @@ def test_a_session_whose_session_toml_cannot_be_read_is_told(study: Path, tmp_pa
         (folder / INFO).write_bytes(text)
     status, said = run("study", "check", study)
     assert status == 1 and f"sessions/{folder.name}:1:1: error lost-session: it cannot be read: " in said
-    status, said = _export(study, folder, tmp_path / "tables")
+    status, said = READERS["export"](study, folder, tmp_path / "tables")
     assert status == 1 and f"warning: {folder.name} is not in the export: it cannot be read: " in said
     status, lines = check_sessions(study)
     assert status == 1 and any(line.startswith(f"{folder.name}: not proved: it cannot be read: ") for line in lines)
@@ -520,19 +505,14 @@ def test_a_journal_that_another_program_saved_with_other_line_ends_is_told_so(st
     assert status == 1 and any("its lines end with CR LF" in line for line in lines if folder.name in line)
 
 
-def _no_scenario(folder: Path) -> None:
-    shutil.rmtree(folder / "scenario")
-
-
-def _other_scenario(folder: Path) -> None:
-    edit(folder / "scenario" / "acts" / "all.xml", "Hello", "Hullo")
-
-
-@pytest.mark.parametrize("lose", [_no_scenario, _other_scenario])
-def test_a_session_whose_copy_of_the_scenario_is_lost_is_not_proved(study: Path, lose: Callable[[Path], None]) -> None:
+@pytest.mark.parametrize("lost", [True, False], ids=["lost", "changed"])
+def test_a_session_whose_copy_of_the_scenario_is_lost_is_not_proved(study: Path, lost: bool) -> None:
     folder = sessions_of(study)[1]
     edit(folder / INFO, "^scenario_folder = .*", f'scenario_folder = "{study / "scenario"}"')
-    lose(folder)
+    if lost:
+        shutil.rmtree(folder / "scenario")
+    else:
+        edit(folder / "scenario" / "acts" / "all.xml", "Hello", "Hullo")
     status, lines = check_sessions(study)
     assert status == 1 and any(line.startswith("7 of 8 sessions proved") for line in lines)
     told = f"{folder.name}: the session's copy of the scenario is missing or was changed; "
@@ -560,8 +540,8 @@ def test_the_sessions_stay_when_the_study_gets_another_id(study: Path, tmp_path:
     assert "was given another label" in run("study", "status", study)[1]
     status, lines = check_sessions(study)
     assert status == 1 and any(line.startswith("0 of 8 sessions proved") for line in lines)
-    for read in (_export, _report):
-        status, said = read(study, sessions_of(study)[1], tmp_path / "out")
+    for reader in ("export", "report"):
+        status, said = READERS[reader](study, sessions_of(study)[1], tmp_path / "out")
         assert status == 2 and told in said
 
 
@@ -580,8 +560,8 @@ def test_a_journal_whose_end_is_missing_is_not_taken_for_the_session(study: Path
     assert f"{folder.name}:1:1: warning no-end: it counts as complete, and its record has no end" in said
     status, lines_ = check_sessions(study)
     assert status == 1 and any(line.startswith("7 of 8 sessions proved") for line in lines_)
-    for read in (_export, _report):
-        status, said = read(study, folder, tmp_path / "out")
+    for reader in ("export", "report"):
+        status, said = READERS[reader](study, folder, tmp_path / "out")
         assert status == 2 and re.search(told, said)
 
 
@@ -596,7 +576,7 @@ def test_a_session_that_was_judged_before_its_engine_vanished_has_no_end_and_is_
     told = "counts as complete, and its record has no end"
     status, said = run("study", "check", study)
     assert status == 0 and f"{folder.name}:1:1: warning no-end: it {told}" in said
-    status, said = _export(study, folder, tmp_path / "tables")
+    status, said = READERS["export"](study, folder, tmp_path / "tables")
     assert status == 0 and f"note: {folder.name} {told}" in said
     said = " ".join(run("report", study)[1].replace("!!", "").split())
     assert f"{folder.name} {told}" in said
@@ -613,9 +593,9 @@ def test_a_line_of_the_log_that_cannot_be_read_is_told_by_whoever_uses_the_other
     assert status == 1 and told in said.partition("to do")[2]
     assert f"warning: {told}" in run("study", "next", study)[1]
     folder = sessions_of(study)[-1]
-    for read in (_export, _records, _report):
-        status, said = read(study, folder, tmp_path / read.__name__)
-        assert status == 1 and f"warning: {told}" in said, read
+    for reader in ("export", "records", "report"):
+        status, said = READERS[reader](study, folder, tmp_path / reader)
+        assert status == 1 and f"warning: {told}" in said, reader
     status, said = run("report", study)
     assert status == 1 and f"!! {told}" in said
     status, said = run("report", folder)

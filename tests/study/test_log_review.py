@@ -6,10 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from rise_engine.cli.program import main
 from rise_engine.study.study_log import LOG_FILE
+from tests.commands import typed
 from tests.results.analysis.samples import PEOPLE, make_study, sessions_of
 
 
@@ -21,7 +20,7 @@ def study(tmp_path: Path) -> Path:
 
 
 def check(study: Path) -> tuple[int, str]:
-    result = CliRunner().invoke(main, ["study", "check", str(study)])
+    result = typed("study", "check", study)
     return result.exit_code, result.output
 
 
@@ -106,7 +105,7 @@ def test_a_participant_who_withdrew_and_one_whose_session_was_reassigned_are_no_
     """Also where the row of the plan stayed with its holder."""
     name = next(each.name for each in sessions_of(study) if "P02" in each.name)
     for owner in ("P03", "P04"):
-        CliRunner().invoke(main, ["study", "reassign", str(study), name, owner, "--reason", f"{owner} sat there"])
+        typed("study", "reassign", study, name, owner, "--reason", f"{owner} sat there")
         assert "other-holder" not in check(study)[1]
-    CliRunner().invoke(main, ["study", "withdraw", str(study), "P02", "--yes"])
+    typed("study", "withdraw", study, "P02", "--yes")
     assert "other-holder" not in check(study)[1]

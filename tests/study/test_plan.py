@@ -393,11 +393,7 @@ def test_with_strata_nobody_knows_which_cells_have_one_more() -> None:
 
 @pytest.mark.parametrize(
     ("study", "block"),
-    [
-        (make_study([2, 2], n=8, strata=[2]), (1,)),
-        (make_study([2, 2], n=4), (1,)),
-        (make_study([]), (1, 2)),
-    ],
+    [(make_study([2, 2], n=8, strata=[2]), (1,)), (make_study([2, 2], n=4), (1,)), (make_study([]), (1, 2))],
 )
 def test_blocks_that_fit_are_proposed(study: Study, block: tuple[int, ...]) -> None:
     assert with_blocks_that_fit(study).assignment.block == block

@@ -86,16 +86,11 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "no rows": ("slot,language,hesitation,order,seed\n", ["1:1: error missing-value: this plan has no rows"]),
     "a misspelt column": (
         GOOD.replace("hesitation", "hestiation"),
-        [
-            "1:1: error missing-column: the column `hesitation`",
-            "1:15: error unknown-column: unknown column",
-        ],
+        ["1:1: error missing-column: the column `hesitation`", "1:15: error unknown-column: unknown column"],
     ),
     "another column": (
         GOOD.replace("seed\n", "seed,x\n").replace("5\n", "5,1\n").replace("6\n", "6,1\n"),
-        [
-            "1:37: error unknown-column: unknown column `x`; the columns of this study's plan are slot, language",
-        ],
+        ["1:37: error unknown-column: unknown column `x`; the columns of this study's plan are slot, language"],
     ),
     "a slot that is no number": (
         GOOD.replace("2,en", "b,en"),

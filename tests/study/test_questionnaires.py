@@ -111,11 +111,7 @@ def test_what_is_wrong_is_told_with_its_place(
             'columns.q1.levels = { 1 = "a" }\n',
             ["1:1 `participant`", "2:5 `q1` is one of", "3:5 mail address", "3:5 `q1` is one of"],
         ),
-        (
-            "participant,q1\nP9,3\nP01,3\nP01,4\n",
-            'run = "visit"\n',
-            ["1:1 `visit`", "2:1 `P9`"],
-        ),
+        ("participant,q1\nP9,3\nP01,3\nP01,4\n", 'run = "visit"\n', ["1:1 `visit`", "2:1 `P9`"]),
         ("participant,q1,q1\nP01,1\n", "", ["1:16 column 2 is called `q1`", "2:6 this row has 2 values"]),
     ],
     ids=["a bad name of a column", "no key", "no run", "a name twice"],

@@ -10,15 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from rise_engine.checks import kinds
-from rise_engine.cli import main
 from rise_engine.cli.study import answers
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study
 from rise_engine.study.study_toml import load_study
+from tests.commands import typed
 from tests.forked import STDOUT, Forked
 from tests.study.designs import DESIGN, study_folder
 
@@ -36,7 +36,7 @@ def nothing_is_explored(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def study(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["study", *arguments])
+    return typed("study", *arguments)
 
 
 def loaded(path: Path) -> Study:
@@ -451,7 +451,7 @@ def test_no_study(tmp_path: Path, command: str) -> None:
 
 
 def test_a_study_is_no_scenario(tmp_path: Path) -> None:
-    result = CliRunner().invoke(main, ["check", str(study_folder(tmp_path))])
+    result = typed("check", study_folder(tmp_path))
     assert result.exit_code == 2
     assert "is a study, not a scenario: its commands are those of `rise-engine study`" in result.output
 

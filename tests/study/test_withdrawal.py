@@ -9,13 +9,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from click.testing import CliRunner, Result
 from msgspec.structs import replace
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.files import fingerprint, tree_hash
 from rise_engine.base.words import Words, parse_replacement
-from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
 from rise_engine.privacy.redaction import RedactionReport
@@ -31,6 +29,7 @@ from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, Log
 from rise_engine.study.traces import WORK_FOLDER, find_names, is_withdrawn, owner_of, without_salts
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import Erasing, WithdrawalPlan
+from tests.commands import typed
 from tests.forked import Forked
 from tests.kills import every_kill
 from tests.results.analysis.samples import make_study
@@ -327,21 +326,21 @@ INTERRUPTED = "a withdrawal was interrupted: their data are still in .withdrawin
 
 def test_whoever_reads_the_study_says_that_a_withdrawal_was_interrupted(interrupted: Folder, tmp_path: Path) -> None:
     study = interrupted.study
-    status = run("study", "status", study)
+    status = typed("study", "status", study)
     assert status.exit_code == 1 and INTERRUPTED in status.output.partition("to do")[2]
-    assert f"warning: {INTERRUPTED}" in run("study", "next", study).output
-    check = run("study", "check", study)
+    assert f"warning: {INTERRUPTED}" in typed("study", "next", study).output
+    check = typed("study", "check", study)
     assert check.exit_code == 1 and f"error interrupted-withdrawal: {INTERRUPTED}" in check.output
-    bundle = run("study", "bundle", study, "-o", tmp_path / "bundle")
+    bundle = typed("study", "bundle", study, "-o", tmp_path / "bundle")
     assert bundle.exit_code == 1 and INTERRUPTED in bundle.output
     with OpenStudy(study) as open:
         assert open.state.standing.due[0].startswith(INTERRUPTED)
-    report = CliRunner().invoke(main, ["report", str(study)])
+    report = typed("report", study)
     assert report.exit_code == 1 and "!! a withdrawal was interrupted" in report.output
-    export = CliRunner().invoke(main, ["export", str(study), "--format", "tables", "-o", str(tmp_path / "tables")])
+    export = typed("export", study, "--format", "tables", "-o", tmp_path / "tables")
     assert export.exit_code == 2 and INTERRUPTED in export.output and not (tmp_path / "tables").exists()
     theirs = study / ".withdrawing" / "1" / interrupted.sessions[0].name
-    export = CliRunner().invoke(main, ["export", str(theirs), "--format", "csv"])
+    export = typed("export", theirs, "--format", "csv")
     assert export.exit_code == 2 and "its participant withdraws" in export.output
 
 
@@ -349,8 +348,8 @@ def test_a_withdrawal_says_that_another_one_was_interrupted(interrupted: Folder)
     assert any(each.startswith(INTERRUPTED) for each in withdraw(interrupted.study, "P02").unreached)
     report = withdraw(interrupted.study, "P01")
     assert not any(INTERRUPTED in each for each in report.unreached)
-    assert run("study", "status", interrupted.study).exit_code == 0
-    assert "interrupted" not in run("study", "check", interrupted.study).output
+    assert typed("study", "status", interrupted.study).exit_code == 0
+    assert "interrupted" not in typed("study", "check", interrupted.study).output
 
 
 def test_a_withdrawal_that_goes_on_erases_no_other_file_in_the_place_of_a_recording(interrupted: Folder) -> None:
@@ -380,10 +379,6 @@ def test_what_a_killed_export_left_outside_the_study_is_named(made: Folder, tmp_
 
 
 # --- the command ---
-
-
-def run(*arguments: object, typed: str | None = None) -> Result:
-    return CliRunner().invoke(main, [str(each) for each in arguments], input=typed)
 
 
 def test_the_next_who_withdraws_is_told_of_the_exports_that_are_still_somewhere(made: Folder, tmp_path: Path) -> None:
@@ -418,26 +413,26 @@ def test_the_next_who_withdraws_is_told_of_the_exports_that_are_still_somewhere(
 
 
 def test_the_command(made: Folder) -> None:
-    result = run("study", "withdraw", made.study, "P01")
+    result = typed("study", "withdraw", made.study, "P01")
     assert result.exit_code == 2 and "without a terminal, use --yes" in result.output
     assert made.sessions[0].exists()
-    result = run("study", "withdraw", made.study, "P01", "--yes")
+    result = typed("study", "withdraw", made.study, "P01", "--yes")
     assert result.exit_code == 1, result.output
     assert "all.csv, which also holds P02" in result.output
     assert "erased; their slot is free" in result.output
     assert "delete the line yourself" in result.output and "backups" in result.output
     people = made.study / "participants.csv"
     people.write_text("".join(line for line in people.read_text().splitlines(True) if "P01" not in line))
-    assert run("study", "withdraw", made.study, "P01", "--yes").exit_code == 0
-    assert run("study", "withdraw", made.study, "P99", "--yes").exit_code == 1
-    assert run("study", "withdraw", made.root, "P01", "--yes").exit_code == 2
+    assert typed("study", "withdraw", made.study, "P01", "--yes").exit_code == 0
+    assert typed("study", "withdraw", made.study, "P99", "--yes").exit_code == 1
+    assert typed("study", "withdraw", made.root, "P01", "--yes").exit_code == 2
 
 
 def test_a_slot_that_another_has_got_is_not_said_to_be_free(made: Folder) -> None:
     with LockedLog(made.study) as log:
         log.append("excluded", participant="P01", reason="left")
         log.append("taken", participant="P04", slot=1)
-    output = run("study", "withdraw", made.study, "P01", "--yes").output
+    output = typed("study", "withdraw", made.study, "P01", "--yes").output
     assert "erased; slot 1, which they had, stays with P04" in output
 
 
@@ -500,7 +495,7 @@ def test_a_line_that_calls_a_session_of_theirs_somebody_elses_export_goes_with_i
 
 def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     out = made.root / "again.csv"
-    result = run("export", made.sessions[2], "--format", "csv", "-o", out)
+    result = typed("export", made.sessions[2], "--format", "csv", "-o", out)
     assert out.exists(), result.output
     entry = [each for each in read_log(made.study) if each.kind == "exported"][-1]
     assert entry.fields == {
@@ -515,7 +510,7 @@ def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     assert [each for each in plan.unreachable if str(out) in each] == [
         f"{out} was exported with their data, and is outside the study's folder: erase it yourself"
     ]
-    result = run("export", made.sessions[2], "--format", "csv", "-o", out)
+    result = typed("export", made.sessions[2], "--format", "csv", "-o", out)
     assert result.exit_code == 2
     assert len([each for each in read_log(made.study) if each.kind == "exported"]) == 5
 
@@ -525,7 +520,7 @@ def test_an_export_of_any_form_and_of_everything_is_erased(tmp_path: Path, form:
     """A BIDS export of all that there is has copies of the scenario, which are a part of it."""
     study = make_study(tmp_path / "study")
     out = study / "export"
-    result = run("export", study, "--format", form, "--level", "full", "-o", out)
+    result = typed("export", study, "--format", form, "--level", "full", "-o", out)
     assert result.exit_code == 0, result.output
     assert form != "bids" or any(out.rglob("scenario.toml"))
     report = withdraw(study, "P01")
@@ -544,10 +539,7 @@ def test_what_is_exported_just_now_is_told_and_the_rest_is_erased(made: Folder) 
 
 def test_an_export_that_is_overtaken_by_a_withdrawal_is_not_kept(made: Folder) -> None:
     out = made.study / "late.csv"
-    with (
-        pytest.raises(ExportError, match="make it again"),
-        new_export(out, made.sessions[:1], "csv", "full") as export,
-    ):
+    with pytest.raises(ExportError, match="make it again"), new_export(out, made.sessions[:1], "csv", "full") as export:
         export.here.write_text("rows of P01")
         withdraw(made.study, "P01")
     assert not out.exists()

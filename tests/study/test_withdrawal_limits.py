@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
 from rise_engine.base.files import fingerprint, tree_hash
 from rise_engine.base.words import Words, parse_replacement
-from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.privacy.redaction import RedactionReport
 from rise_engine.results.export.format import ExportError
@@ -24,6 +22,7 @@ from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LockedLog, read_log
 from rise_engine.study.traces import WORK_FOLDER
 from rise_engine.study.withdrawal import withdraw
+from tests.commands import typed
 
 from .test_withdrawal import Folder, assert_gone
 
@@ -81,7 +80,7 @@ def test_an_export_that_is_not_what_was_written_is_told(made: Folder) -> None:
     (made.study / "changed" / "acts.csv").write_text("mine")
     (made.study / "added to" / "mine.txt").write_text("mine")
     shutil.rmtree(made.study / "deleted")
-    result = CliRunner().invoke(main, ["study", "withdraw", str(made.study), "P01", "--yes"])
+    result = typed("study", "withdraw", made.study, "P01", "--yes")
     assert result.exit_code == 1
     told = result.output.partition("not erased; you must see to it:")[2]
     for kind in kinds:

@@ -160,9 +160,7 @@ def test_files_of_all_kinds(text: str, path: str, value: Any, after: str) -> Non
 names = st.sampled_from(["a", "b", "c d", "é", "1", 'q"'])
 scalars = st.booleans() | st.integers(-9, 9) | st.floats(-2, 2, width=16) | st.text("aé\"\\\n'#=", max_size=4)
 values = st.recursive(
-    scalars,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(names, inner, max_size=3),
-    max_leaves=5,
+    scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(names, inner, max_size=3), max_leaves=5
 )
 
 

@@ -89,19 +89,7 @@ def _ragged(file: str, text: str) -> str:
     return text
 
 
-_GAPS = (
-    "",
-    "",
-    " ",
-    "\n",
-    "\n  ",
-    "\n\t",
-    "\r\n    ",
-    "\n\n  ",
-    " <!-- a -->\n  ",
-    "\n  <!-- b\n -->\n  ",
-    "<!---->",
-)
+_GAPS = ("", "", " ", "\n", "\n  ", "\n\t", "\r\n    ", "\n\n  ", " <!-- a -->\n  ", "\n  <!-- b\n -->\n  ", "<!---->")
 
 
 SPELLINGS: dict[str, Callable[[str, str], str]] = {

@@ -81,10 +81,7 @@ def test_layouts_that_differ_only_in_blanks_come_out_as_they_were_shipped(spelli
             "<A>\n <P><x>0</x> <y>1</y>\n <z>2</z></P>\n</A>",
             "<A>\n  <P>\n    <x>0</x> <y>1</y>\n    <z>2</z>\n  </P>\n</A>\n",
         ),
-        (
-            '<R>\n <t a="1"\n    b="2"/>\n</R>',
-            '<R>\n  <t a="1" b="2"/>\n</R>\n',
-        ),
+        ('<R>\n <t a="1"\n    b="2"/>\n</R>', '<R>\n  <t a="1" b="2"/>\n</R>\n'),
         (
             f'<R>\n<t a="{"x" * 70}"\n b="{"y" * 70}" c="1"/>\n</R>',
             f'<R>\n  <t a="{"x" * 70}"\n     b="{"y" * 70}" c="1"/>\n</R>\n',
@@ -143,10 +140,7 @@ def test_any_toml(text: str, newline: str, margin: str) -> None:
     [
         ("{}", "{}\n"),
         ('{"a":1.50,\n\n\n"b" : [1,2,{"c":"\\u00e9"}]}', '{\n  "a": 1.50,\n\n  "b": [1, 2, {"c": "\\u00e9"}]\n}\n'),
-        (
-            '{"WorkingMemory":[{"a":1},{"b":2,"c":3}]}',
-            '{"WorkingMemory":\n[\n  {"a": 1},\n  {"b": 2, "c": 3}\n]\n}\n',
-        ),
+        ('{"WorkingMemory":[{"a":1},{"b":2,"c":3}]}', '{"WorkingMemory":\n[\n  {"a": 1},\n  {"b": 2, "c": 3}\n]\n}\n'),
         ('{"WorkingMemory":[]}\r\n', '{"WorkingMemory":\r\n[\r\n]\r\n}\r\n'),
     ],
 )

@@ -164,10 +164,7 @@ def test_a_failure_that_nobody_notices_has_two_remedies(tmp_path: Path) -> None:
     study = Workspace(folder)
     finding, found = offered(study, "unnoticed-failure")
     assert finding.location.file == GAZE
-    assert [each.title for each in found] == [
-        "wait for /R_FollowGaze_succeeded",
-        'ask the wizard: on_failure = "ask"',
-    ]
+    assert [each.title for each in found] == ["wait for /R_FollowGaze_succeeded", 'ask the wizard: on_failure = "ask"']
     study.apply(found[1].edit)
     assert "unnoticed-failure" not in [each.code for each in study.checked.diagnostics]
     study.close()

@@ -52,10 +52,7 @@ def test_one_place_of_a_table_changes(edit: Edit, old: str, new: str) -> None:
     ("edit", "lines"),
     [
         (AddColumn("items", "m"), ["sep=;", 'id;"say";n;m', 'lamp; "Put; it";1;', ";;", "rug;Lay it ;2;"]),
-        (
-            AddColumn("items", "a;b", 2),
-            ["sep=;", 'id;"say";"a;b";n', 'lamp; "Put; it";;1', ";;", "rug;Lay it ;;2"],
-        ),
+        (AddColumn("items", "a;b", 2), ["sep=;", 'id;"say";"a;b";n', 'lamp; "Put; it";;1', ";;", "rug;Lay it ;;2"]),
         (AddColumn("items", "m", 0), ["sep=;", 'm;id;"say";n', ';lamp; "Put; it";1', ";;", ";rug;Lay it ;2"]),
     ],
 )

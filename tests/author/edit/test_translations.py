@@ -113,10 +113,7 @@ def test_the_same_text_once_more_says_that_it_is_right_still() -> None:
 def test_a_translation_without_of_gets_one() -> None:
     study = state()
     files = {**study.files, GERMAN: study.files[GERMAN].replace(b', of = "Very good!"', b"")}
-    made = plan(
-        SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"),
-        StudyState(files, study.checked, study.folder),
-    )
+    made = plan(SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"), StudyState(files, study.checked, study.folder))
     assert apply_plan(files, made) == study.files
 
 

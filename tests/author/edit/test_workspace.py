@@ -11,13 +11,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.author.edit import workspace as workspace_module
-from rise_engine.author.edit.edits import (
-    RemoveStartValue,
-    Rename,
-    ReplaceFile,
-    SetParameter,
-    SetStartValue,
-)
+from rise_engine.author.edit.edits import RemoveStartValue, Rename, ReplaceFile, SetParameter, SetStartValue
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.author.edit.workspace import Workspace, diff_of
 from rise_engine.scenario.loader import load

@@ -7,20 +7,15 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
-from rise_engine.cli.program import main
+from tests.commands import typed
 
 QUIZ = Path(__file__).parent / "studies" / "quiz"
 QUICK = ("--no-stop", "--no-lost", "--cores", "1")
 
 
-def run(*arguments: str) -> Result:
-    return CliRunner().invoke(main, [*arguments])
-
-
 def test_a_problem_is_shown_with_its_way() -> None:
-    result = run("explore", str(QUIZ), *QUICK, "--show", "1", "--keys")
+    result = typed("explore", QUIZ, *QUICK, "--show", "1", "--keys")
     assert result.exit_code == 1
     assert "PROBLEM: Praise can get stuck in Praise" in result.output
     assert "1. the wizard presses b (begin)" in result.output
@@ -29,7 +24,7 @@ def test_a_problem_is_shown_with_its_way() -> None:
 
 
 def test_as_json() -> None:
-    found = json.loads(run("explore", str(QUIZ), *QUICK, "--json").stdout)
+    found = json.loads(typed("explore", QUIZ, *QUICK, "--json").stdout)
     assert found["complete"]
     assert found["findings"][0]["kind"] == "dead-end"
     assert found["findings"][0]["file"] == "rules/quiz.xml"
@@ -39,37 +34,37 @@ def test_as_json() -> None:
 def test_the_ways_are_task_files_that_play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RISE_SESSIONS", str(tmp_path / "sessions"))
     ways = tmp_path / "ways"
-    assert run("explore", str(QUIZ), *QUICK, "--write", str(ways)).exit_code == 1
+    assert typed("explore", QUIZ, *QUICK, "--write", ways).exit_code == 1
     files = sorted(ways.iterdir())
     assert files[0].name == "01-dead-end.jsonl"
     for file in files:
         assert "Perhaps" not in file.read_text()
-        played = run("run", str(QUIZ), "--tasks", str(file), "--speed", "max")
+        played = typed("run", QUIZ, "--tasks", file, "--speed", "max")
         assert played.exit_code == 0, played.output
-    played = run("run", str(QUIZ), "--tasks", str(files[0]), "--speed", "max")
+    played = typed("run", QUIZ, "--tasks", files[0], "--speed", "max")
     assert "stays in Praised on /W_next" in played.output
     assert "never ends" not in played.output
 
 
 def test_a_folder_that_is_not_empty_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "kept.txt").write_text("mine")
-    result = run("explore", str(QUIZ), *QUICK, "--write", str(tmp_path))
+    result = typed("explore", QUIZ, *QUICK, "--write", tmp_path)
     assert result.exit_code == 2
     assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
 
 
 @pytest.mark.parametrize("pace", ["fast", "3-1", "0-2", "1"])
 def test_a_pace_that_is_none(pace: str) -> None:
-    result = run("explore", str(QUIZ), "--pace", pace)
+    result = typed("explore", QUIZ, "--pace", pace)
     assert result.exit_code == 2
     assert "--pace is two numbers such as 0.5-3, or `any`" in result.output
 
 
 def test_the_check_looks_deeper() -> None:
-    result = run("check", str(QUIZ), "--deep")
+    result = typed("check", QUIZ, "--deep")
     assert result.exit_code == 1
     assert "rules/quiz.xml:75:3: problem dead-end: Praise can get stuck" in result.output
-    assert run("check", str(QUIZ)).exit_code == 0
+    assert typed("check", QUIZ).exit_code == 0
 
 
 def test_a_scenario_with_errors_is_not_explored(tmp_path: Path) -> None:
@@ -77,6 +72,6 @@ def test_a_scenario_with_errors_is_not_explored(tmp_path: Path) -> None:
     shutil.copytree(QUIZ, study)
     (study / "rules" / "quiz.xml").write_text("<InteractionRule")
     for command in (("explore", str(study)), ("check", str(study), "--deep")):
-        result = run(*command)
+        result = typed(*command)
         assert result.exit_code == 1
         assert "ooked at" not in result.output

@@ -7,20 +7,19 @@ from pathlib import Path as FilePath
 
 import msgspec
 import pytest
-from click.testing import CliRunner
 
 from rise_engine.author.explore.path_playback import PlayedPath, find_times, task_file_of
 from rise_engine.author.explore.path_words import tell_path
 from rise_engine.author.explore.situation import Situation
 from rise_engine.author.explore.situation_graph import Path
 from rise_engine.author.explore.stepper import Fact
-from rise_engine.cli import main
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.protocol.task_file import read_task_file
 from tests.author.explore.exploring import ROOT, shipped
 from tests.author.explore.paths import bounds_for, paths_of
 from tests.chance import SEARCH, searched
+from tests.commands import typed
 
 pytestmark = pytest.mark.slow
 
@@ -126,7 +125,7 @@ def looks_while_run(name: str, file: FilePath, seconds: float) -> set[Looks]:
     """What a session looked like at the end of each step, just before it was over."""
     folder = ROOT / "scenarios" / name
     options = ["--tasks", str(file), "--speed", "max", "--json", "--until", f"{seconds + 0.0001:.6f}"]
-    ran = CliRunner().invoke(main, ["run", str(folder), *options])
+    ran = typed("run", folder, *options)
     assert ran.exit_code == 0, ran.output
     view = SessionView()
     found: set[Looks] = set()

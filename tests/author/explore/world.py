@@ -9,14 +9,7 @@ from msgspec import Struct
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Submit
-from rise_engine.scenario.model import (
-    CUE_TOPICS,
-    Function,
-    Scenario,
-    functions_in,
-    normal_topic,
-    result_topics,
-)
+from rise_engine.scenario.model import CUE_TOPICS, Function, Scenario, functions_in, normal_topic, result_topics
 
 SOURCE = "wizard:explorer"
 ENDS = ("succeeded", "failed", "stopped", "end")

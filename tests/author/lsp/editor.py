@@ -1,23 +1,41 @@
-"""An editor for tests: starts the language server as editors do, and keeps what it says about files."""
+"""An editor for tests: talks with the language server as editors do, and keeps what it says about files.
+
+The server is a fork (see `tests.forked`); test_bad_messages.py starts it as editors do.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import shutil
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from lsprotocol import types as lsp
+from pygls.io_ import run_async
 from pygls.lsp.client import LanguageClient
 
 from rise_engine.author.lsp.served_study import TextPositions
+from tests.forked import PIPE, AsyncForked
 from tests.patience import PATIENCE
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
-"""Seconds after which a server that says nothing has failed."""
+
+
+class Client(LanguageClient):
+    """pygls' own, whose server is a fork."""
+
+    async def start(self) -> None:
+        server = await AsyncForked.start("lsp", loads=["rise_engine.author.lsp.server"], stdin=PIPE)
+        self.protocol.set_writer(server.stdin)
+        reading = run_async(
+            self._stop_event, server.stdout, self.protocol, logging.getLogger(__name__), self.report_server_error
+        )
+        self._server = server  # type: ignore[assignment]  # has what is used of it
+        self._async_tasks.append(asyncio.create_task(reading))
+        self._async_tasks.append(asyncio.create_task(self._server_exit()))  # type: ignore[no-untyped-call]
 
 
 class Editor:
@@ -112,8 +130,8 @@ async def editing(
     """An editor with a copy of a shipped study; without `capabilities`, one that can only what all can."""
     folder = tmp_path / study
     shutil.copytree(SCENARIOS / study, folder)
-    client = LanguageClient("editor", "1")
-    await client.start_io(sys.executable, "-m", "rise_engine", "lsp")
+    client = Client("editor", "1")
+    await client.start()
     editor = Editor(client, folder)
     await client.initialize_async(lsp.InitializeParams(capabilities or lsp.ClientCapabilities()))
     client.initialized(lsp.InitializedParams())

@@ -34,13 +34,7 @@ end = { event = "runs(" }
         ),
         ("ne|ar and not", ['read as `near and (not (runs("R_A") or in("R", "S")))`']),
         ("the|n =", ["**then**: what happens without help"]),
-        (
-            "wai|ts(",
-            [
-                "`waits('Act')`: whether this act waits to be run, at least once",
-                'read as `waits("R_A")`',
-            ],
-        ),
+        ("wai|ts(", ["`waits('Act')`: whether this act waits to be run, at least once", 'read as `waits("R_A")`']),
         ("nea|r and (", []),  # cannot be read; the finding says why
         ("[ke|ys]", []),
         ("en|d =", []),

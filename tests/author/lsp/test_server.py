@@ -1,4 +1,4 @@
-"""The language server, started as editors start it."""
+"""The language server, asked as editors ask it."""
 
 from __future__ import annotations
 

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from rise_engine.author.edit.edits import SetTranslation
 from rise_engine.author.edit.workspace import Workspace
-from rise_engine.cli.program import main
+from tests.commands import typed
 
 LABLINKING = Path(__file__).parents[3] / "scenarios" / "lablinking"
 Change = Callable[[list[dict[str, str]]], None]
@@ -27,7 +27,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def texts(*arguments: object) -> Result:
-    return CliRunner().invoke(main, ["texts", *map(str, arguments)])
+    return typed("texts", *arguments)
 
 
 def content(folder: Path) -> dict[str, bytes]:

@@ -14,6 +14,7 @@ from rise_engine.author.trial.trial import Trial
 from rise_engine.base.errors import FileError
 from rise_engine.cli import main
 from rise_engine.run.protocol.task_file import read_task_file
+from tests.commands import typed
 
 from .test_trial import key, loaded_scenario, make_guide
 
@@ -161,7 +162,7 @@ def test_the_command_plays_them_all_and_says_what_failed(folder: Path) -> None:
 
 
 def test_no_tests_are_no_success(folder: Path) -> None:
-    done = CliRunner().invoke(main, ["test", str(folder)])
+    done = typed("test", folder)
     assert done.exit_code == 2 and "there are no tests" in done.output
 
 

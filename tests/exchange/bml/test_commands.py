@@ -6,11 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 from lxml import etree
 
-from rise_engine.cli.program import main
 from rise_engine.scenario.loader import load
+from tests.commands import typed
 from tests.exchange.bml.samples import parts
 
 HELLO = """<bml xmlns="http://www.bml-initiative.org/bml/bml-1.0" id="hello" composition="APPEND">
@@ -22,7 +22,7 @@ NAMES = "[targets]\nvisitor = { x = 1.5, y = 0, z = 1.2 }\n"
 
 
 def run(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(main, ["convert", *map(str, arguments)])
+    return typed("convert", *arguments)
 
 
 def everything(folder: Path) -> dict[str, bytes]:
@@ -129,7 +129,7 @@ def test_mistakes_in_names_are_told_with_their_place(files: Path) -> None:
 
 
 def test_the_schema_knows_what_is_written() -> None:
-    printed = CliRunner().invoke(main, ["schema", "--kind", "bml"])
+    printed = typed("schema", "--kind", "bml")
     schema = etree.RelaxNG(etree.fromstring(printed.stdout.encode()))
     block = run("to-bml", "scenarios/greeting", "--act", "R_Introduction").stdout
     assert schema.validate(etree.fromstring(block.encode()))

@@ -33,10 +33,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
             chart(state("a", on("e", "pass", cond="_event.sendid"))),
         ),
     ),
-    "donedata": (
-        "294 298 343 488 527 528 529",
-        (_ending(_VALUE), _ending("<content>5</content>")),
-    ),
+    "donedata": ("294 298 343 488 527 528 529", (_ending(_VALUE), _ending("<content>5</content>"))),
     "computed": (
         "172 173 174 175 190 210 336 342 349 350 501",
         (

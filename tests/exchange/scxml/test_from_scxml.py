@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from rise_engine.cli import main
 from rise_engine.scenario.loader import load
+from tests.commands import typed
 from tests.exchange.scxml.chart_words import chart, element, entry, final, on, parallel, put, send, state, throw
 from tests.exchange.scxml.importing import converted, session_of
 from tests.kernel.harness import Session
@@ -36,7 +36,7 @@ VISIT = chart(
 def run(folder: Path, text: str, *options: str, file: str = "visit.scxml") -> Result:
     path = folder / file
     path.write_text(text, encoding="utf-8")
-    return CliRunner().invoke(main, ["convert", "from-scxml", str(path), "--into", str(folder / "study"), *options])
+    return typed("convert", "from-scxml", path, "--into", folder / "study", *options)
 
 
 def add(folder: Path, name: str, text: str) -> None:
@@ -209,9 +209,7 @@ def test_events_that_are_only_for_the_chart(study: Path) -> None:
 
 
 def test_usage(tmp_path: Path) -> None:
-    ran = CliRunner().invoke(
-        main, ["convert", "from-scxml", str(tmp_path / "no.scxml"), "--into", str(tmp_path / "study")]
-    )
+    ran = typed("convert", "from-scxml", tmp_path / "no.scxml", "--into", tmp_path / "study")
     assert ran.exit_code == 2
     assert "there is no file" in ran.output
     (tmp_path / "study").write_text("")

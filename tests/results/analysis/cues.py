@@ -23,15 +23,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum
-from rise_engine.session.shadow import (
-    ShadowCue,
-    ShadowEnd,
-    ShadowKey,
-    ShadowLine,
-    ShadowMark,
-    ShadowPlay,
-    ShadowWriter,
-)
+from rise_engine.session.shadow import ShadowCue, ShadowEnd, ShadowKey, ShadowLine, ShadowMark, ShadowPlay, ShadowWriter
 from tests.kernel.harness import dialog, speech, write
 from tests.session.journals import Recording
 

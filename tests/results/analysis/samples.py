@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 from msgspec.structs import replace
 
+from rise_engine.cli.study.planning import look_at_study
 from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
@@ -42,6 +43,7 @@ from rise_engine.session.journal_format import encode_header
 from rise_engine.session.recovery import recover
 from rise_engine.study.begin import BeginRequest, plan_session
 from rise_engine.study.planning import plan_study
+from rise_engine.study.review import review_study
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_toml import load_study
 from tests.study import studies
@@ -369,6 +371,7 @@ def _made_study() -> Path:
     run(BeginRequest("P03"), everything(slower=1.1))
     run(BeginRequest("P03"), everything(slower=0.6))
     assert read_state(folder).standing.complete == 3
+    look_at_study(review_study(folder))  # kept, so that no `study check` explores it again
     return folder
 
 

@@ -158,11 +158,7 @@ def test_alpha_is_that_of_krippendorff_himself() -> None:
 
 @pytest.mark.parametrize(
     ("judged", "alpha"),
-    [
-        (units(ANNA, BEN), 0.684701),
-        (units(ANNA, BEN, CARL), 0.695412),
-        (units(ANNA, BEN_PART, CARL_PART), 0.716468),
-    ],
+    [(units(ANNA, BEN), 0.684701), (units(ANNA, BEN, CARL), 0.695412), (units(ANNA, BEN_PART, CARL_PART), 0.716468)],
 )
 def test_alpha_is_that_of_the_library(judged: list[tuple[str | None, ...]], alpha: float) -> None:
     assert krippendorff_alpha(judged).value == pytest.approx(alpha, abs=SIX)
@@ -180,10 +176,7 @@ def test_icc_is_that_of_shrout_and_fleiss() -> None:
 
 @pytest.mark.parametrize(
     ("raters", "icc", "low", "high"),
-    [
-        ((TIMES_ANNA, TIMES_BEN), 0.849498, 0.58, 0.94),
-        ((TIMES_ANNA, TIMES_BEN, TIMES_CARL), 0.772865, 0.60, 0.88),
-    ],
+    [((TIMES_ANNA, TIMES_BEN), 0.849498, 0.58, 0.94), ((TIMES_ANNA, TIMES_BEN, TIMES_CARL), 0.772865, 0.60, 0.88)],
 )
 def test_icc_and_its_interval_are_those_of_pingouin(
     raters: tuple[str, ...], icc: float, low: float, high: float
@@ -206,10 +199,7 @@ def test_a_constant_delay_lowers_absolute_agreement() -> None:
 
 def test_no_variance_gives_a_sentence() -> None:
     found = icc_a1([(1.5, 1.5), (1.5, 1.5), (1.5, 1.5)])
-    assert (found.value, found.why) == (
-        None,
-        "all values are the same: without variance the number is not defined",
-    )
+    assert (found.value, found.why) == (None, "all values are the same: without variance the number is not defined")
     assert icc_a1([(1.0, 2.0)]).why == "one unit has no variance: at least two are needed"
 
 

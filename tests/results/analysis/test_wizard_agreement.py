@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from msgspec.structs import replace
 
-from rise_engine.cli import main
 from rise_engine.results.analysis.agreement import cohen_kappa, compare_wizards
 from rise_engine.results.analysis.judged_cues import NOTHING, Decision, JudgedSession, decision_label, judge_session
 from rise_engine.results.analysis.reading import read_session
@@ -25,6 +23,7 @@ from rise_engine.session.shadow import (
     ShadowWriter,
     read_shadows,
 )
+from tests.commands import typed
 from tests.results.analysis.cues import ACT, add_shadow, cue_numbers, make_session
 from tests.results.analysis.samples import make_study, sessions_of
 
@@ -47,7 +46,7 @@ def decisions(session: JudgedSession, wizard: str) -> list[tuple[str, float | No
 
 
 def agree(*arguments: object) -> Any:
-    return CliRunner().invoke(main, ["agree", *map(str, arguments)])
+    return typed("agree", *arguments)
 
 
 # --- who decided what -------------------------------------------------------------------------------------------------

@@ -10,9 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
 
-from rise_engine.cli import main
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.bundle import crate as bundle_files
 from rise_engine.results.bundle.about import BundleOptions
@@ -26,6 +24,7 @@ from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.withdrawal import withdraw
+from tests.commands import typed
 from tests.results.analysis.samples import make_study, play_session, sessions_of, task, write_scenario
 from tests.results.export.test_bids import VALIDATOR, validate, with_validator
 
@@ -45,7 +44,7 @@ def bundle_of(
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
-    result = CliRunner().invoke(main, [str(each) for each in arguments])
+    result = typed(*arguments)
     return result.exit_code, result.stdout, result.stderr
 
 

@@ -9,11 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from rise_engine import __version__
 from rise_engine.base.errors import FileError
-from rise_engine.cli import main
 from rise_engine.cli.data.reproduce import compare_on_robot, load_for_robot, run_on_robot
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.results.bundle.about import BundleOptions, read_about
@@ -33,6 +31,7 @@ from rise_engine.session.journal_format import encode_record, read_line, with_ch
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
 from rise_engine.study.traces import MANIFEST_FILE
+from tests.commands import typed
 from tests.results.analysis.samples import act, make_study, play_session, sessions_of, task, write_scenario
 
 LOOK = """<InteractionRule name="Look" initial="Start">
@@ -76,7 +75,7 @@ def bundle(whole: Path, tmp_path: Path) -> Path:
 
 
 def run(*arguments: object) -> tuple[int, str, str]:
-    result = CliRunner().invoke(main, ["reproduce", *map(str, arguments)])
+    result = typed("reproduce", *arguments)
     return result.exit_code, result.stdout, result.stderr
 
 

@@ -6,15 +6,14 @@ import csv
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.files import Disk
-from rise_engine.cli import main
 from rise_engine.results.export.session_tables import rows_to_keep
 from rise_engine.study.traces import KEPT_FILE, WORK_FOLDER, add_rows
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
+from tests.commands import typed
 from tests.results.analysis.samples import make_study
 
 
@@ -34,7 +33,7 @@ def rows_of(study: Path) -> list[dict[str, str]]:
 
 
 def run(study: Path, *arguments: str) -> tuple[int, str, str]:
-    result = CliRunner().invoke(main, ["study", "withdraw", str(study), *arguments])
+    result = typed("study", "withdraw", study, *arguments)
     return result.exit_code, result.stdout, result.stderr
 
 
@@ -70,7 +69,7 @@ def test_a_reassigned_session_says_nothing_of_whom_it_was_run_under(study: Path)
     session = next(path.name for path in sorted((study / "sessions").iterdir()) if "P02" in path.name)
     for participant in ("P04", "P02"):
         arguments = ["study", "reassign", str(study), session, participant, "--reason", "they sat there"]
-        assert CliRunner().invoke(main, arguments).exit_code == 0
+        assert typed(*arguments).exit_code == 0
     run(study, "P02", "--yes", "--keep-anonymous")
     text = (study / KEPT_FILE).read_text("utf-8")
     assert len(rows_of(study)) == 3 and "run_as" not in text and "P0" not in text

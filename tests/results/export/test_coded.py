@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from pympi.Elan import Eaf
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.words import Words, parse_replacement
-from rise_engine.cli.program import main
 from rise_engine.kernel.records import ActionStatus
 from rise_engine.privacy.levels import LevelFilter
 from rise_engine.privacy.redaction import redact
@@ -25,17 +23,12 @@ from rise_engine.results.export.media_clock import session_clock
 from rise_engine.session.coded import CODED_FILE, CodedFile, read_coded
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, parse_clock, read_coded_document
 from rise_engine.session.media import MediaFile, register_media
+from tests.commands import run
 from tests.results.analysis.samples import play_session, recovered_session
 
 from .made_sessions import act
 
 SPEECH = "participant speech"
-
-
-def run(*arguments: object, status: int = 0) -> str:
-    done = CliRunner().invoke(main, [str(each) for each in arguments])
-    assert done.exit_code == status, done.output
-    return done.output
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from rise_engine.cli import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.results.export.format import format_names
 from rise_engine.session.folder import JOURNAL
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
+from tests.commands import typed
 from tests.results.analysis.samples import make_study, play_session, sessions_of, short, torn_session
 
 
@@ -25,7 +25,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def export(*arguments: object) -> Result:
-    return CliRunner().invoke(main, ["export", *map(str, arguments)])
+    return typed("export", *arguments)
 
 
 def sessions_in(path: str) -> list[str]:

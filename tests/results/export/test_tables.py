@@ -210,11 +210,7 @@ def test_frictionless_refuses_broken_ones(small: Path, tmp_path: Path) -> None:
     wrong = findings(out)
     for table, _, _, error, column in WRONG:
         assert (table, error, column) in wrong
-        assert (table, "hash-count", "") in wrong or (
-            table,
-            "byte-count",
-            "",
-        ) in wrong
+        assert (table, "hash-count", "") in wrong or (table, "byte-count", "") in wrong
 
 
 # --- the numbers ---

@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.results.report.document import Facts, Paragraph, ReportTable
 from rise_engine.results.report.making import make_study_report
 from rise_engine.study.begin import BeginRequest, plan_session
 from rise_engine.study.state import OpenStudy
+from tests.commands import run
 from tests.results.analysis.samples import BEGAN, WIZARD, Script, play_session, recovered_session, sessions_of, task
 
 SCENARIO = Path(__file__).with_name("reception")
@@ -33,12 +32,6 @@ NEW = (
     *("--auto", "-", "--ask-after", "The participant was debriefed"),
 )
 FAULT = ("Speech=fail@2",)
-
-
-def run(*arguments: object, status: int = 0) -> str:
-    done = CliRunner().invoke(main, [str(each) for each in arguments])
-    assert done.exit_code == status, done.output
-    return done.output
 
 
 def talk(*cues: float, beside: Script = (), outcome: Any = "complete", reason: str = "", until: float = 60.0) -> Script:

@@ -8,16 +8,16 @@ import stat
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from rise_engine.cli.program import main
 from rise_engine.study.withdrawal import withdraw
+from tests.commands import typed
 from tests.results.analysis.samples import make_study, play_session, sessions_of, torn_session
 from tests.results.report.test_page import assert_harmless
 
 
 def report(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(main, ["report", *map(str, arguments)])
+    return typed("report", *arguments)
 
 
 @pytest.fixture(scope="module")

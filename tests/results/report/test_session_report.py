@@ -32,14 +32,7 @@ from rise_engine.results.report.session_report import session_report
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.media import FoundMark, MediaFile
 from rise_engine.session.replay import ReplayComparison, ReplayDifference
-from tests.results.analysis.samples import (
-    WIZARD,
-    act,
-    play_session,
-    recovered_session,
-    task,
-    torn_session,
-)
+from tests.results.analysis.samples import WIZARD, act, play_session, recovered_session, task, torn_session
 from tests.results.report.pages import PageReader
 from tests.results.report.test_page import assert_harmless
 
