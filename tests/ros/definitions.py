@@ -52,7 +52,8 @@ class Definitions:
         """The message as it would arrive: every field there, nothing shared with the sender's. Raises PortError."""
         found = self._find(type)
         if found is None:
-            return deepcopy(message)
+            whole: Message = copied(message)
+            return whole
         unknown = [name for name in message if name not in found]
         if unknown:
             raise PortError(f"{type} has no field {unknown[0]!r}; it has {', '.join(found) or 'none'}")
@@ -73,10 +74,9 @@ class Definitions:
         return None
 
     def _value(self, kind: str, value: Any, where: str) -> Any:
-        base, bracket, length = kind.partition("[")
-        base = base.partition("<=")[0]
-        if bracket:
-            return self._array(base, length.rstrip("]"), value, where)
+        base, is_array, length = _parts(kind)
+        if is_array:
+            return self._array(base, length, value, where)
         if base in _INTEGERS:
             return self._fits(value, int, 0, where)
         if base in ("float32", "float64"):
@@ -87,8 +87,7 @@ class Definitions:
             raise PortError(f"{where} is a {base}, not {value!r}")
         return self.complete(base, value or {})
 
-    def _array(self, base: str, length: str, value: Any, where: str) -> Any:
-        fixed = int(length) if length.isdigit() else None
+    def _array(self, base: str, fixed: int | None, value: Any, where: str) -> Any:
         if base in ("uint8", "byte"):
             whole = bytes(fixed or 0) if value is None else bytes(value)
             if fixed is not None and len(whole) != fixed:
@@ -120,6 +119,23 @@ def _implied(type: str) -> list[tuple[str, dict[str, str]]]:
         ("_GetResult_Response", {"status": "int8", "result": f"{stem}_Result"}),
         ("_FeedbackMessage", {"goal_id": goal_id, "feedback": f"{stem}_Feedback"}),
     ]
+
+
+def copied(message: Any) -> Any:
+    """The same message, which shares nothing that can change."""
+    if isinstance(message, dict):
+        return {name: copied(value) for name, value in message.items()}
+    if isinstance(message, list):
+        return [copied(value) for value in message]
+    return message if isinstance(message, (str, bytes, int, float, type(None))) else deepcopy(message)
+
+
+@cache
+def _parts(kind: str) -> tuple[str, bool, int | None]:
+    """What a field holds, whether it is an array of that, and of how many: `uint8[16]`."""
+    base, bracket, length = kind.partition("[")
+    length = length.rstrip("]")
+    return base.partition("<=")[0], bool(bracket), int(length) if length.isdigit() else None
 
 
 @cache

@@ -15,8 +15,8 @@ from __future__ import annotations
 import random
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
-from functools import cache
-from typing import Literal, NamedTuple
+from functools import cache, partial
+from typing import Literal
 from uuid import NAMESPACE_OID, uuid5
 
 import msgspec
@@ -42,6 +42,7 @@ from rise_engine.kernel.records import OpenGoal
 from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.model import RobotProfile
+from tests.ros import exploration
 from tests.ros.bench import SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
@@ -184,9 +185,11 @@ def _robot() -> tuple[RobotProfile, Mapping[str, ActionMapping]]:
 class World:
     """One robot, one session, and everything that can happen to them."""
 
-    def __init__(self, goals: int = 2) -> None:
-        """`goals`: the most that the wizard starts; two are enough for one beside another."""
+    def __init__(self, goals: int = 2, without: Collection[str] = ()) -> None:
+        """`goals`: the most that the wizard starts; two are enough for one beside another. `without`: events that do
+        not happen."""
         self.goals = goals
+        self._without = without
         self.clock = VirtualClock()
         self.loop = ClockLoop(self.clock)
         self.wire = MemoryWire()
@@ -377,13 +380,17 @@ class World:
             self.stop()
 
     def possible(self) -> Iterator[str]:
-        """The events that would change something, or make time pass."""
+        """The events that would change something, or make time pass. (Nobody cancels what is over, or releases what
+        nobody sees.)"""
         goals = [goal for program in self.programs for goal in program.goals.values()]
         is_asked = any(goal.status == 0 for goal in goals)
         moves = any(goal.status in (EXECUTING, CANCELING) for goal in goals)
         is_to_stop = any(program.cancels for program in self.programs)
+        ended, is_open = self.ended_for_session(), self.open() != ()
         happens = {
             "start": len(self.started) < self.goals,
+            "cancel": is_open or len(ended) < len(self.started),
+            "release": is_open or not self.moving().isdisjoint({*ended, OTHER}),
             **dict.fromkeys(("take", "take_unheard", "refuse"), is_asked),
             "finish": moves,
             "other_begins": self.other == "none" and self.program is not None,
@@ -396,7 +403,7 @@ class World:
             "cut": not self.is_cut,
             "heal": self.is_cut,
         }
-        return (name for name in EVENTS if happens.get(name, True))
+        return (name for name in EVENTS if name not in self._without and happens.get(name, True))
 
     def _find(self) -> None:
         """The session finds what offers the action, again or for the first time. What runs there holds its part."""
@@ -409,7 +416,13 @@ class World:
 
     # --- for the exploration ---
 
-    def state(self) -> object:
+    def do(self, event: str) -> None:
+        """One of EVENTS happens, and what follows from it by itself; what the session says then must be true."""
+        EVENTS[event](self)
+        self.settle()
+        check(self)
+
+    def state(self) -> str:
         """Everything that decides what can come of it; two worlds of one state are explored once."""
         robot = self.robot
         goals = [
@@ -430,9 +443,9 @@ class World:
             for goal in program.goals.values()
         ]
         said = self.stop_said()
-        return (
-            repr(goals),
-            repr(truth),
+        return repr((
+            goals,
+            truth,
             self.is_cut,
             self.program is None,
             self.twin is None,
@@ -441,7 +454,7 @@ class World:
             {goal.action for goal in self.open()} == set(),
             sorted(self.moving() & self.released),
             self.other,
-        )
+        ))  # fmt: skip
 
 
 EVENTS: dict[str, Callable[[World], None]] = {
@@ -460,12 +473,7 @@ TWIN = ("twin_comes", "twin_goes")
 
 def play(names: tuple[str, ...], goals: int = 2) -> World:
     """What has come of these events, one after the other."""
-    world = World(goals)
-    for name in names:
-        EVENTS[name](world)
-        world.settle()
-        check(world)
-    return world
+    return exploration.play(World(goals), names)
 
 
 def check(world: World) -> None:
@@ -521,30 +529,10 @@ def check_that_nothing_is_held_for_ever(world: World) -> None:
     assert world.reports[-1] == ActionReport(action=world.started[-1].action, status="accepted"), world.reports[-1]
 
 
-class Exploration(NamedTuple):
-    states: int
-    is_whole: bool
-    """There is no other state that the model tells apart: every event leads from each of them to one of them."""
-
-
-def explore(depth: int, *, goals: int = 2, without: Collection[str] = TWIN) -> Exploration:
+def explore(depth: int, *, goals: int = 2, without: Collection[str] = TWIN) -> exploration.Exploration:
     """Play every sequence of up to `depth` events, but for those that lead to the same state as one before."""
-    seen: set[object] = set()
-    frontier: list[tuple[str, ...]] = [(), ("start",)]
-    for _ in range(depth):
-        following: list[tuple[str, ...]] = []
-        for path in frontier:
-            for name in play(path, goals).possible():
-                if name in without:
-                    continue
-                world = play((*path, name), goals)
-                key = repr(world.state())
-                if key not in seen:
-                    seen.add(key)
-                    check_that_nothing_is_held_for_ever(world)
-                    following.append((*path, name))
-        frontier = following
-    return Exploration(len(seen), not frontier)
+    begin = partial(World, goals, without)
+    return exploration.explore(begin, [(), ("start",)], depth, check_that_nothing_is_held_for_ever)
 
 
 def walk(seed: int, events: int = 30) -> None:
@@ -553,9 +541,7 @@ def walk(seed: int, events: int = 30) -> None:
     draw = random.Random(seed)
     world = World()
     for name in ("start", *draw.choices([name for name in EVENTS if name not in TWIN], k=events)):
-        EVENTS[name](world)
-        world.settle()
-        check(world)
+        world.do(name)
     check_that_nothing_is_held_for_ever(world)
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from copy import deepcopy
 from fnmatch import fnmatchcase
 from functools import partial
 from itertools import count
@@ -33,7 +32,7 @@ from rise_adapters.ros2.transport.port import (
 )
 
 from rise_engine.run.engine.clock import VirtualClock
-from tests.ros.definitions import Definitions
+from tests.ros.definitions import Definitions, copied
 
 What: TypeAlias = Literal["request", "reply", "message", "any"]
 
@@ -195,12 +194,13 @@ class MemoryWire:
         """Whether `one` believes that `other` is there."""
         if other.closed or other.why_lost:
             return False
-        return one is other or not {one, other} & self.forgotten
+        return one is other or not (one in self.forgotten or other in self.forgotten)
 
     def reaches(self, one: MemoryTransport, other: MemoryTransport) -> bool:
         """Whether a message would really arrive."""
-        dead = any(t.closed or t.why_lost for t in (one, other))
-        return not dead and (one is other or not {one, other} & self.killed)
+        if one.closed or one.why_lost or other.closed or other.why_lost:
+            return False
+        return one is other or not (one in self.killed or other in self.killed)
 
     def carry(self, what: str, name: str, target: MemoryTransport, deliver: Callable[[], None]) -> None:
         """Bring one message to one receiver, or let it meet its fault."""
@@ -228,7 +228,7 @@ class _Subscription:
 
     def take(self, source: MemoryTransport, message: Message) -> None:
         if self.open and self.home.wire.reaches(source, self.home):
-            self.on_message(deepcopy(message))
+            self.on_message(copied(message))
 
     def count_publishers(self) -> int:
         wire, home = self.home.wire, self.home
@@ -314,7 +314,7 @@ class _Server:
             if home.wire.reaches(home, client.home):
                 home.wire.carry("reply", self.name, client.home, partial(client.take, home, call, whole))
 
-        self.on_request(deepcopy(request), reply)
+        self.on_request(copied(request), reply)
 
     def close(self) -> None:
         self.open = False
@@ -334,13 +334,14 @@ class _Client:
         self.open = True
 
     def _offers(self) -> list[_Server]:
-        wire = self.home.wire
-        return [s for t in wire.transports for s in t.servers if (s.name, s.type) == (self.name, self.type)]
+        name, type = self.name, self.type
+        return [s for t in self.home.wire.transports for s in t.servers if s.name == name and s.type == type]
 
     def count_servers(self) -> int:
-        if self.home.closed or self.home.why_lost:
+        home = self.home
+        if home.closed or home.why_lost:
             return 0
-        return sum(self.home.wire.sees(self.home, server.home) for server in self._offers())
+        return len([server for server in self._offers() if home.wire.sees(home, server.home)])
 
     def call(self, request: Message, on_response: Callable[[Message], None]) -> None:
         home = self.home
@@ -359,7 +360,7 @@ class _Client:
             if call.answered and self.home.wire.first_answer_only:
                 return
             call.answered = True
-            call.on_response(deepcopy(message))
+            call.on_response(copied(message))
 
     def close(self) -> None:
         self.open = False
@@ -438,7 +439,7 @@ class MemoryTransport:
         return self.wire.types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self.hashes.get(type, self.wire.types.hash(type))
+        return self.hashes.get(type) or self.wire.types.hash(type)
 
     def graph_version(self) -> None:
         return None

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Collection
-from typing import Any, Literal
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import cache, partial
+from typing import Any, Literal, TypeAlias
 
 from msgspec.structs import replace
-from rise_adapters.ros2.mapping import read_mappings
+from rise_adapters.ros2.mapping import ActionMapping, read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
-from rise_adapters.ros2.robot.listeners import LEASE_SECONDS
+from rise_adapters.ros2.robot.listeners import LEASE_SECONDS, Listeners
 from rise_adapters.ros2.transport.port import Message, SendReply
 
 from rise_engine.kernel.commands import StartAction
@@ -22,6 +23,8 @@ from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.kernel.records import OpenGoal
 from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import VirtualClock
+from rise_engine.scenario.model import RobotProfile
+from tests.ros import exploration
 from tests.ros.bench import profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
@@ -30,6 +33,7 @@ SETTLE = 1.7
 """Seconds in which whoever listens has been told: two looks at the listeners, and the time that a new one needs."""
 SECONDS = 8.0
 """The time of an action on a topic."""
+Kind: TypeAlias = Literal["topic", "rate", "service"]
 STRING, TRIGGER = "std_msgs/msg/String", "std_srvs/srv/Trigger"
 CARRIERS: dict[str, dict[str, Any]] = {
     "topic": {"topic": NAME, "type": STRING, "message": {"data": "{value}"}, "reset": {"data": "reset"}},
@@ -68,17 +72,23 @@ class Program:
         self.calls[self.order] = reply
 
 
+@cache
+def _robot(kind: str) -> tuple[RobotProfile, Mapping[str, ActionMapping]]:
+    """A robot with one action."""
+    whole = profile()
+    emotion = replace(whole.actions["Emotion"], carrier=CARRIERS[kind], supported=True)
+    which = replace(whole, actions={"Emotion": emotion})
+    return which, read_mappings(which, MemoryTransport(MemoryWire(), ClockLoop(VirtualClock())).fields)
+
+
 class World:
     """One part of a robot, one session, and everything that can happen to them."""
 
-    def __init__(self, kind: Literal["topic", "rate", "service"], *, with_bag: bool = False) -> None:
+    def __init__(self, kind: Kind, *, with_bag: bool = False) -> None:
         self.kind = kind
         self.clock = VirtualClock()
         self.loop = ClockLoop(self.clock)
         self.wire = MemoryWire()
-        whole = profile()
-        emotion = replace(whole.actions["Emotion"], carrier=CARRIERS[kind], supported=True)
-        self.profile = replace(whole, actions={"Emotion": emotion})
         self.programs: list[Program] = []
         """Those that live."""
         self.sent_before = 0
@@ -100,7 +110,8 @@ class World:
 
     def _connect(self, adopted: list[StartAction]) -> None:
         self.near = MemoryTransport(self.wire, self.loop, "/engine")
-        self.robot = Ros2Robot(self.profile, self.clock, self.near, read_mappings(self.profile, self.near.fields))
+        which, mappings = _robot(self.kind)
+        self.robot = Ros2Robot(which, self.clock, self.near, mappings)
         if adopted:
             self.robot.adopt(adopted)
         self.robot.connect(self.reports.append)
@@ -267,24 +278,55 @@ class World:
         self.base = None if program is self.base else self.base
         self.bag = None if program is self.bag else self.bag
 
+    # --- for the exploration ---
+
+    def possible(self) -> Iterator[str]:
+        """The events that would change something, or make time pass."""
+        is_cut = self.base is not None and self.base.is_cut
+        happens = {
+            "start": len(self.started) < 2,
+            "cancel": self.open() != () or self.unfinished() != [],
+            "stop_open": self.open() != (),
+            "other": not self.is_stopped,
+            "answer": any(program.calls for program in self.programs),
+            "cut": self.base is not None and not is_cut,
+            "notice": bool(self.wire.killed),
+            "heal": is_cut,
+            "end": self.base is not None,
+            "begin": self.base is None,
+        }
+        return (name for name in EVENTS[self.kind] if happens.get(name, True))
+
+    def do(self, event: str) -> None:
+        """One of EVENTS happens, and what follows from it by itself; what the session says then must be true."""
+        getattr(self, event)()
+        self.settle()
+        check(self)
+
     def state(self) -> str:
-        """What decides what can come of it; two worlds of one state are explored once."""
-        robot = self.robot
-        (endpoint,) = robot._endpoints
-        listeners = getattr(endpoint, "_listeners", None)
-        known = listeners and (sorted(listeners.present), listeners._ordered, listeners._told.keys(), listeners._away)
+        """What decides what can come of it. Of the programs only their order counts, not their numbers."""
+        (endpoint,) = self.robot._endpoints
+        listeners = getattr(endpoint, "_listeners", None) or Listeners(self.clock.now)
+        groups = (listeners.present, listeners._ordered, listeners._told, listeners._away)
+        numbers = {program: n for n, program in enumerate(sorted(self._programs_in(groups)))}
+        programs = [(numbers[each.transport.program], each) for each in self.programs]
         return repr((
-            [(goal.phase, goal.may_be_running, goal.why_open()) for goal in robot._goals.values()],
-            [(program.is_cut, program.order, sorted(program.calls)) for program in self.programs],
-            (known, endpoint.presence.count, self.base is None, self.bag is None, self.is_vague),
+            [(goal.phase, goal.may_be_running, goal.why_open()) for goal in self.robot._goals.values()],
+            [(number, each.is_cut, each.order, sorted(each.calls)) for number, each in programs],
+            [sorted(str(numbers.get(program, program)) for program in group) for group in groups],
+            (endpoint.presence.count, self.base is None, self.bag is None, self.is_vague),
             (len(self.started), len(self.open()), self.is_stopped),
         ))  # fmt: skip
 
+    def _programs_in(self, groups: Iterable[Iterable[bytes]]) -> set[bytes]:
+        known = {program for group in groups for program in group if program.startswith(b"program")}
+        return known | {each.transport.program for each in self.programs}
 
-OF_SESSION = ("start", "cancel", "stop", "stop_open", "release", "wait", "wait_long", "recover", "switch")
-EVENTS: dict[str, tuple[str, ...]] = {
-    "topic": (*OF_SESSION, "other", "cut", "notice", "heal", "respawn", "end", "begin", "join"),
-    "service": (*OF_SESSION, "answer", "cut", "notice", "heal", "respawn", "end", "begin"),
+
+OF_SESSION = ("start", "cancel", "stop", "stop_open", "release", "wait", "recover", "switch")
+EVENTS: dict[Kind, tuple[str, ...]] = {
+    "topic": (*OF_SESSION, "other", "cut", "notice", "heal", "respawn", "end", "begin", "join", "wait_long"),
+    "service": (*OF_SESSION, "answer", "cut", "notice", "heal", "respawn", "end", "begin", "wait_long"),
 }
 EVENTS["rate"] = EVENTS["topic"]
 
@@ -313,13 +355,8 @@ def check(world: World) -> None:
         assert is_named, "it is away with an order, and the session does not say so"
 
 
-def play(kind: Any, names: Collection[str], *, with_bag: bool = False) -> World:
-    world = World(kind, with_bag=with_bag)
-    for name in names:
-        getattr(world, name)()
-        world.settle()
-        check(world)
-    return world
+def play(kind: Kind, names: Collection[str], *, with_bag: bool = False) -> World:
+    return exploration.play(World(kind, with_bag=with_bag), names)
 
 
 def check_the_end(world: World) -> None:
@@ -334,24 +371,11 @@ def check_the_end(world: World) -> None:
     assert world.open() == (), world.open()
 
 
-def explore(kind: str, depth: int, *, with_bag: bool = False) -> int:
-    """Play every sequence of up to `depth` events after a start, but for those that lead to the same state as one
-    before. Returns the number of states."""
-    seen: set[str] = set()
-    frontier: list[tuple[str, ...]] = [("start",)]
-    for _ in range(depth):
-        following = []
-        for path in frontier:
-            for name in EVENTS[kind]:
-                world = play(kind, (*path, name), with_bag=with_bag)
-                if (key := world.state()) not in seen:
-                    seen.add(key)
-                    check_the_end(world)
-                    following.append((*path, name))
-        frontier = following
-    return len(seen)
+def explore(kind: Kind, depth: int, *, with_bag: bool = False) -> int:
+    """How many states there are after a start and up to `depth` events; what was said in each of them was so."""
+    return exploration.explore(partial(World, kind, with_bag=with_bag), [("start",)], depth, check_the_end).states
 
 
-def walk(kind: str, seed: int, events: int = 20) -> None:
+def walk(kind: Kind, seed: int, events: int = 20) -> None:
     draw = random.Random(seed)
     check_the_end(play(kind, ("start", *draw.choices(EVENTS[kind], k=events)), with_bag=draw.random() < 0.5))

@@ -15,14 +15,14 @@ TOLD, NOT_HEARD = (), ("it may not have heard that it should stop",)
 @pytest.mark.parametrize(
     ("kind", "with_bag", "states"), [("topic", False, 300), ("rate", True, 300), ("service", False, 100)]
 )
-def test_whatever_happens_the_session_says_what_may_go_on(kind: str, with_bag: bool, states: int) -> None:
+def test_whatever_happens_the_session_says_what_may_go_on(kind: model.Kind, with_bag: bool, states: int) -> None:
     assert model.explore(kind, 4 if SEARCH else 3, with_bag=with_bag) > states
 
 
 @pytest.mark.search
 @pytest.mark.parametrize("kind", model.EVENTS)
-def test_after_many_events_the_session_says_what_may_go_on(kind: str) -> None:
-    for seed in seeds(200):
+def test_after_many_events_the_session_says_what_may_go_on(kind: model.Kind) -> None:
+    for seed in seeds(60):
         model.walk(kind, seed)
 
 

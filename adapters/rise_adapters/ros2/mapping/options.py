@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import fields as struct_fields
 from msgspec.structs import replace
 
 from rise_adapters.ros2.mapping.action_mapping import MAX_CANCEL_SECONDS, EstopMapping, GoalDeadlines, RosOptions
@@ -99,7 +98,7 @@ def parse_options(
     types: FieldTypes = FieldTypes(None),  # noqa: B008
 ) -> RosOptions:
     """Read the profile's `[options]`. Errors go to `mistakes` and are omitted."""
-    known = [field.name for field in struct_fields(RosOptions)]
+    known = RosOptions.__struct_fields__
     for key in profile.options:
         if key not in known:
             mistakes.add(f"options.{key}", f"does not exist for the driver `{DRIVER}`{did_you_mean(key, known)}")
@@ -142,7 +141,7 @@ def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: Pro
     if not isinstance(table, dict):
         mistakes.add(where, "is a table of seconds: { acceptance = 2 }")
         return before
-    known = [field.name for field in struct_fields(GoalDeadlines)]
+    known = GoalDeadlines.__struct_fields__
     found: dict[str, float] = {}
     for key, value in table.items():
         may_be_zero = key in ("feedback", "result")
