@@ -49,7 +49,9 @@ class Reports:
     def __init__(self, *requests: CompanionRequest, **limits: Any) -> None:
         self.told: list[tuple[str, str, str]] = []
         self.standing: dict[str, RecordingStatus] = {}
-        self.companions = Companions(requests, self.take, self.standing.get, **{"again": 0, "again_seconds": 0.0, **limits})
+        self.companions = Companions(
+            requests, self.take, self.standing.get, **{"again": 0, "again_seconds": 0.0, **limits}
+        )
 
     def take(self, report: RecordingReport) -> None:
         self.standing[report.name] = report.status
