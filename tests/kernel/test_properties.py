@@ -27,7 +27,7 @@ from rise_engine.scenario.model import Function, Rule, Scenario, State, Transiti
 from tests.chance import seeds
 from tests.reference.comparison import Play
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("test_properties")]
+pytestmark = [pytest.mark.slow, pytest.mark.search, pytest.mark.xdist_group("kernel_properties")]
 
 RUNAWAY = Rule(
     "runaway",
@@ -55,6 +55,9 @@ class Course(Play):
         self.again: list[bytes] = []
         """What a second kernel puts out on the same inputs; on the way, restored ones replace it."""
         self.run()
+
+    def __repr__(self) -> str:
+        return f"Course({self.seed})"  # what a failure shows, to play it again
 
     def study(self) -> Scenario:
         study = super().study()
@@ -84,7 +87,7 @@ class Course(Play):
             self.do(EstopReport(source=button, pressed=False))
         self.submit("stopAll")
         self.do(StopReport(confirmed=("x",)))
-        self.pass_time(100)
+        self.pass_time(100, most=1_000_000)
         self.at_stop = len(self.records)
         self.left = [self.kernel.is_busy, *self.kernel.rules.stack, *self.goals, *self.timers]
         for function, of in (

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.kernel import Kernel
-from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import (
     CountdownRecord,
     EventRecord,
@@ -21,12 +22,11 @@ from rise_engine.kernel.records import (
     RuleRecord,
     TaskRecord,
 )
-from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.chance import examples
 
-from .harness import Session, dialog, read, speech, write
+from .harness import Session, dialog, read, speech, view_of, write
 from .test_rules import on, rule, session, state
 
 TALK = dialog("A", speech(1), speech(2, "And more", "1"))
@@ -238,10 +238,8 @@ EARLY = rule(
 KEEP = '{"event": "/understood", "keep": "2s"}'
 
 
-def keep(s: Session, behavior: str = KEEP, source: str = "wizard:w") -> int:
-    from rise_engine.kernel.inputs import Submit
-
-    records = s.do(Submit(function="raiseEventTopic", behavior=behavior, source=source))
+def keep(s: Session, behavior: str = KEEP) -> int:
+    records = s.do(Submit(function="raiseEventTopic", behavior=behavior, source="wizard:w"))
     return next(record.id for record in records if isinstance(record, TaskRecord))
 
 
@@ -355,7 +353,7 @@ def test_what_cannot_be_read_is_rejected(tmp_path: Path, behavior: str, reason: 
 @settings(max_examples=examples(150))
 @given(st.lists(st.sampled_from(["keep", "next", "x", "understood", "wait", "cancel", "stop", "rule"]), max_size=20))
 def test_a_kept_event_ends_exactly_once(moves: list[str]) -> None:
-    s, view, tasks = Session(KEEPS), SessionView(), []
+    s, tasks = Session(KEEPS), []
     for move in moves:
         match move:
             case "keep":
@@ -372,9 +370,7 @@ def test_a_kept_event_ends_exactly_once(moves: list[str]) -> None:
                 s.rule("R")
             case _:
                 s.event(move)
-    for record in s.records:
-        view.apply(record)
-    assert set(view.kept) == {id for id, kept in s.kernel.rules.kept.items() if kept.is_recorded}
+    assert set(view_of(s).kept) == {id for id, kept in s.kernel.rules.kept.items() if kept.is_recorded}
     s.wait(3)
     for task in tasks:
         told = fate(s, task)
@@ -383,12 +379,10 @@ def test_a_kept_event_ends_exactly_once(moves: list[str]) -> None:
     assert not s.kernel.rules.kept and not s.timers
 
 
-def _read(tmp_path_factory_name: str, **parts: Any) -> Scenario:
-    import tempfile
-
+def _read(**parts: Any) -> Scenario:
     with tempfile.TemporaryDirectory() as folder:
         return read(write(Path(folder), **parts))
 
 
-HELD = _read("held", rules=waits(after("{pause}", held="ready")), memory={"ready": False, "pause": 1})
-KEEPS = _read("keeps", rules=EARLY)
+HELD = _read(rules=waits(after("{pause}", held="ready")), memory={"ready": False, "pause": 1})
+KEEPS = _read(rules=EARLY)

@@ -401,10 +401,10 @@ class Play:
             return
         self.pass_time(pick([0.05, 1.0, 2.0, 20.0]))
 
-    def pass_time(self, seconds: float) -> None:
-        """Let so many seconds pass; what is due on the way comes in time."""
+    def pass_time(self, seconds: float, most: int = 100) -> None:
+        """Let so many seconds pass; what is due on the way comes in time, but at most so much of it."""
         until = round(self.t + seconds, 6)
-        for _ in range(100):
+        for _ in range(most):
             if not self.timers or min(self.timers.values()) > until:
                 break
             self.t = max(self.t, min(self.timers.values()))
