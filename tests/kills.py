@@ -48,12 +48,14 @@ def is_killed(folder: Path, touches: int, work: Callable[[Disk], object]) -> boo
     return False
 
 
-def every_kill(folder: Path, make: Callable[[], object], work: Callable[[Disk], object]) -> Iterator[int]:
+def every_kill(
+    folder: Path, make: Callable[[], object], work: Callable[[Disk], object], every: int = 6
+) -> Iterator[int]:
     """Make the folder anew and kill the work at its first touch, its second, and so on, until it is done before.
 
-    `./dev test` leaves out five touches of six, `./dev soak --search` none.
+    `./dev test` kills it at one touch of six, or of `every`, `./dev soak --search` at each.
     """
-    for touches in count(1, 1 if SEARCH else 6):
+    for touches in count(1, 1 if SEARCH else every):
         make()
         if not is_killed(folder, touches, work):
             return

@@ -20,6 +20,7 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -220,10 +221,15 @@ def info_differences(folder: Path, *, moments: bool = False) -> list[str]:
     return [*label_differences(labels, told, INFO), *(moment_differences(labels, told, INFO) if moments else ())]
 
 
+@lru_cache(maxsize=1024)  # as for the labels: readers of a study ask for it many times
+def _parse_info(text: str) -> dict[str, Any]:
+    return tomllib.loads(text)
+
+
 def _read_info(folder: Path) -> SessionInfo:
     path = folder / INFO
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = _parse_info(path.read_text(encoding="utf-8"))
         found = values.get("format")
         if isinstance(found, int) and found > FORMAT:
             raise SessionError(

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from pathlib import Path
 
 import pytest
 
+from rise_engine.author.edit.edits import ReplaceFile, SetParameter, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.study_folder import finish_interrupted, read_study_files, write_files
+from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.files.tree import NOTE
+from rise_engine.scenario.loader import load
 from tests.author.edit.samples import SCENARIOS
-from tests.chance import examples
-from tests.forked import run_engine
-
-KILLS = examples(130)
+from tests.kills import every_kill
 
 
 class Killed(BaseException):
@@ -35,19 +34,45 @@ def _changed(folder: Path) -> tuple[dict[str, bytes], dict[str, bytes]]:
     return before, {name: data.replace(b"old", b"new") for name, data in before.items()}
 
 
-def test_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path) -> None:
-    folder = tmp_path / "greeting"
-    shutil.copytree(SCENARIOS / "greeting", folder)
-    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
-    ran = run_engine(folder, KILLS, module="tests.author.edit.kill_saves", env=environment, cwd=SCENARIOS.parent)
-    assert ran.returncode == 0, ran.stderr
-    found = json.loads(ran.stdout)
-    assert len(found) == KILLS
-    for each in found:
-        assert each["read"] == each["loaded"] == each["finished"] != "mixed", each
-        assert each["hidden"] == [], each
-        assert each["drafted"] or each["finished"] == "new", each
-    assert {each["finished"] for each in found} == {"old", "new"}
+EDITS = (
+    SetParameter("R_Introduction", "1", "message", "I am Floka."),
+    SetParameter("R_LookAhead", "1", "duration", "1500"),
+    SetStartValue("person_y", 0.25),
+    SetSetting(("title",), "Greeting everybody"),
+    ReplaceFile("tests/new.jsonl", '{"at": 1, "command": "end"}\n'),
+    ReplaceFile("session.jsonl", None),
+)
+
+
+@pytest.mark.slow
+def test_kills_leave_the_old_files_or_the_new_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As whoever reads next finds them, and as they are once the save is finished. The draft stays till then."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    shutil.copytree(SCENARIOS / "greeting", folder := tmp_path / "greeting")
+    workspace = Workspace(folder)
+    old = workspace.saved
+    workspace.apply(*EDITS)
+    new = workspace.files
+    hashes = [load(folder, held=files).scenario.hash for files in (old, new)]  # type: ignore[union-attr]
+
+    def again() -> None:
+        shutil.rmtree(folder)
+        shutil.copytree(SCENARIOS / "greeting", folder)
+        workspace._keep_draft()  # a save that has come so far takes it away
+
+    found = []
+    for touch in every_kill(tmp_path, again, lambda disk: workspace.save(), every=2):
+        drafted = workspace.draft is not None
+        read, loaded = read_study_files(folder), load(folder).scenario
+        finish_interrupted(folder)
+        paths = [path for path in folder.rglob("*") if path.is_file()]
+        finished = {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+        assert read == finished and finished in (old, new), touch
+        assert loaded is not None and loaded.hash == hashes[finished == new], touch
+        assert drafted or finished == new, touch
+        found.append(finished == new)
+    workspace.close()
+    assert len(found) > 20 and set(found) == {False, True}
 
 
 def test_an_error_on_the_way_changes_nothing(folder: Path) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +17,7 @@ from rise_engine.results.export.writing import export_context, export_sessions, 
 from rise_engine.session import unfinished_files
 from rise_engine.session.folder import JOURNAL
 from rise_engine.study.study_log import LOG_FILE, read_log
+from tests.forked import PIPE, Forked
 from tests.results.analysis.samples import make_study, play_session, sessions_of, short
 
 
@@ -177,22 +176,14 @@ main(["export", sys.argv[1], "--format", "odd", "-o", sys.argv[2]])
 
 
 @contextmanager
-def half_written(study: Path, out: Path) -> Iterator[subprocess.Popen[str]]:
+def half_written(study: Path, out: Path) -> Iterator[Forked]:
     """A process that has written half of an export, and waits."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", _HALF, str(study), str(out)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    try:
-        assert process.stdout.readline() == "writing\n"
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    with Forked(study, out, code=_HALF, stdin=PIPE) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "writing\n"
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

@@ -112,14 +112,6 @@ def test_parts_are_those_of_the_timings(data, page):
     assert table["robot (turn to confirmation)"]["median"] == median(robot)
 
 
-def test_parts_of_every_answer_add_up_to_its_response(data):
-    for each in data.acts:
-        if each.response_s is not None and not each.filler:
-            voice = each.voice_s if each.speaks else 0.0
-            parts = [each.wizard_s or 0.0, each.way_s, each.rules_s, each.queue_s, each.robot_s, voice]
-            assert sum(part or 0.0 for part in parts) == pytest.approx(each.response_s, abs=1e-5)
-
-
 def test_fillers_stand_apart(data, page):
     filled = [record for record in data.records if isinstance(record, CueRecord) and record.status == "filled"]
     table = page.table("Fillers: from the cue")
@@ -281,7 +273,7 @@ def test_the_first_sentences_are_so(tmp_path):
     """An answer without a time that counts is an answer; who only marks the cue is a wizard; a failure waited."""
     script = [act("Answer", 9.0), (10.0, task("markCue", source="wizard:ben"))]
     data = read_session(play_session(tmp_path, script, until=30.0, faults=()))
-    assert [each.before_cue for each in data.acts] == [True] or not data.cues[0].answered_at
+    assert ([each.before_cue for each in data.acts], data.cues[0].answered_at) == ([False], None)
     late = replace(data.acts[0], cue_at=8.0, response_outage_s=9.0, response_interrupted="outage")
     cue = replace(data.cues[0], answered_at=9.5, answer_s=None, task=late.task)
     document = session_report(replace(data, acts=(late,), cues=(cue,)))

@@ -50,6 +50,13 @@ def made(study: Path) -> MadeReport:
 
 
 @pytest.fixture(scope="module")
+def given(study: Path) -> StudyReportInput:
+    """What a report of the study is made of."""
+    state = read_state(study)
+    return StudyReportInput(state.study, state.standing, study_figures(read_sessions(sessions_of(study))))
+
+
+@pytest.fixture(scope="module")
 def page(made: MadeReport) -> PageReader:
     return assert_harmless(page_text(made.document))
 
@@ -305,25 +312,19 @@ def test_the_example_of_report_in_the_reference_is_whole():
         assert f"`{item.name}`" in text, item.name
 
 
-def test_withdrawn_people_are_counted_and_not_named(study):
-    state = read_state(study)
-    given = StudyReportInput(state.study, state.standing, study_figures([]), withdrawn=Withdrawn(2, 1))
+def test_withdrawn_people_are_counted_and_not_named(given):
+    given = replace(given, figures=study_figures([]), withdrawn=Withdrawn(2, 1))
     blocks = [block for section in study_report(given).sections for block in section.blocks]
     flow = next(block for block in blocks if isinstance(block, Facts))
     assert ("Withdrawn", "2") in flow.rows
     assert "2 withdrawn" in " ".join(sentence for item in given.sheet for sentence in item.known)
 
 
-def test_the_sheet_is_in_whole_sentences(study, made):
+def test_the_sheet_is_in_whole_sentences(given):
     assert debriefed_text(Share(0, 0)) == "No session is complete yet, so no debriefing is recorded."
     assert debriefed_text(Share(1, 2)).endswith(" complete sessions.")
-    told = [sentence for item in StudyReportInput(*figures_of(study)).sheet for sentence in item.known]
+    told = [sentence for item in given.sheet for sentence in item.known]
     assert told and all(each.endswith(".") for each in told)
-
-
-def figures_of(study):
-    state = read_state(study)
-    return state.study, state.standing, study_figures(read_sessions(sessions_of(study)))
 
 
 def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
@@ -331,57 +332,50 @@ def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
     assert _hashes_text({"a" * 64: "en"}) == "a" * 16
 
 
-def test_whose_robot_did_not_speak_their_language_is_named(study):
-    state = read_state(study)
-    figures = study_figures(read_sessions(sessions_of(study)))
-    assert {row.facts.language for row in figures.rows} == {"en"}
+def test_whose_robot_did_not_speak_their_language_is_named(given):
+    assert {row.facts.language for row in given.figures.rows} == {"en"}
     strata = {"P01": "en", "P02": "de"}
-    people = [
-        replace(each, strata={"language": strata.get(each.participant, "")}) for each in state.standing.participants
-    ]
-    given = StudyReportInput(state.study, replace(state.standing, participants=tuple(people)), figures)
-    text = "\n".join(text_lines(study_report(given), 200))
+    old = given.standing.participants
+    people = tuple(replace(each, strata={"language": strata.get(each.participant, "")}) for each in old)
+    report = study_report(replace(given, standing=replace(given.standing, participants=people)))
+    text = "\n".join(text_lines(report, 200))
     told = "P02 run 1 (de) heard en; P02 run 2 (de) heard en."
     assert f"!! Complete sessions in another language than the study says: {told}" in text
 
 
-def test_sessions_at_another_speed_say_so(study):
-    state = read_state(study)
-    figures = study_figures(read_sessions(sessions_of(study)))
-    fast = StudyFigures(tuple(replace(row, facts=replace(row.facts, speed=4.0)) for row in figures.rows))
-    told = f"4 times real time in {len(fast.complete)} of {len(fast.complete)} complete sessions"
-    given = StudyReportInput(state.study, state.standing, fast)
-    assert ("Speed", told) in study_report(given).facts
-    assert any(told in known for item in given.sheet for known in item.known)
-    real = study_report(StudyReportInput(state.study, state.standing, figures))
-    assert all(name != "Speed" for name, _ in real.facts)
+def changed(given, **facts):
+    """The same with other facts in every session."""
+    rows = (replace(row, facts=replace(row.facts, **facts)) for row in given.figures.rows)
+    return replace(given, figures=StudyFigures(tuple(rows)))
 
 
-def test_a_robot_that_did_not_move_is_told_with_its_faults(study):
-    state = read_state(study)
-    figures = study_figures(read_sessions(sessions_of(study)))
-    number = len(figures.complete)
-    faults = ("Speech=slow", "PointAt=fail@1")
-    rows = (replace(row, facts=replace(row.facts, injected_faults=faults)) for row in figures.rows)
-    given = StudyReportInput(state.study, state.standing, StudyFigures(tuple(rows)))
-    known = " ".join(text for item in given.sheet for text in item.known)
-    assert f"generic (simulated: no robot moved) in {number} sessions." in known
-    assert f"Faults were injected in {number} sessions: Speech=slow, PointAt=fail@1." in known
-    assert "faults injected: Speech=slow; PointAt=fail@1" in "\n".join(text_lines(study_report(given), 300))
+def test_sessions_at_another_speed_say_so(given):
+    fast = changed(given, speed=4.0)
+    told = "4 times real time in 6 of 6 complete sessions"
+    assert ("Speed", told) in study_report(fast).facts
+    assert any(told in known for item in fast.sheet for known in item.known)
+    assert all(name != "Speed" for name, _ in study_report(given).facts)
 
 
-def test_mode_and_banner_are_those_of_the_sessions_and_not_of_study_toml(study):
-    state = read_state(study)
-    assert state.study.mode == "real"
-    figures = study_figures(read_sessions(sessions_of(study)))
-    edited = study_report(StudyReportInput(replace(state.study, mode="debug"), state.standing, figures))
+def test_a_robot_that_did_not_move_is_told_with_its_faults(given):
+    faulty = changed(given, injected_faults=("Speech=slow", "PointAt=fail@1"))
+    known = " ".join(text for item in faulty.sheet for text in item.known)
+    assert "generic (simulated: no robot moved) in 6 sessions." in known
+    assert "Faults were injected in 6 sessions: Speech=slow, PointAt=fail@1." in known
+    assert "faults injected: Speech=slow; PointAt=fail@1" in "\n".join(text_lines(study_report(faulty), 300))
+
+
+def test_mode_and_banner_are_those_of_the_sessions_and_not_of_study_toml(given):
+    assert given.study.mode == "real"
+    in_debug = replace(given, study=replace(given.study, mode="debug"))
+    edited = study_report(in_debug)
     assert edited.banner.startswith("SIMULATED: the robot was simulated in 6 complete sessions.")
     assert ("Mode", "real") in edited.facts
     said = "Sessions that count ran in mode real. study.toml now says debug."
     assert Paragraph(said, "warning") in [block for section in edited.sections for block in section.blocks]
-    unchanged = study_report(StudyReportInput(state.study, state.standing, figures))
+    unchanged = study_report(given)
     assert unchanged.banner == edited.banner and "study.toml now says" not in str(unchanged)
-    none = study_report(StudyReportInput(replace(state.study, mode="debug"), state.standing, StudyFigures(())))
+    none = study_report(replace(in_debug, figures=StudyFigures(())))
     assert none.banner.startswith("DEBUG: study.toml says") and ("Mode", "debug") in none.facts
 
 
