@@ -116,7 +116,7 @@ class Session(Records):
         await until(lambda: self.task() == "SUCCEEDED")
 
     async def over(self) -> None:
-        self.engine.end("over")
+        self.engine.end("over", stop=True)
         await until(lambda: self.engine.ended)
         for process in self.processes:
             await process.end()
