@@ -439,7 +439,7 @@ class MemoryTransport:
         return self.wire.types.fields(type)
 
     def type_hash(self, type: str) -> str:
-        return self.hashes.get(type) or self.wire.types.hash(type)
+        return self.hashes[type] if type in self.hashes else self.wire.types.hash(type)
 
     def graph_version(self) -> None:
         return None

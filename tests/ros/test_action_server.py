@@ -1,4 +1,4 @@
-"""The server's side of an action, against the client's, on a wire in memory and in virtual time."""
+"""The two sides of an action, one against the other, on a wire in memory and in virtual time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from rise_adapters.ros2.actions.server import (
     accept_cancel,
 )
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
+from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message, PortError
 
 from rise_engine.run.engine.clock import VirtualClock
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
@@ -66,7 +66,7 @@ class Pair:
         self.server = ActionServer(
             self.robot, "count", TYPE, wanted or self.goals.append, cancel, clock=self.clock, **more
         )
-        self.client = ActionClient(self.engine, NAME, TYPE)
+        self.client = ActionClient(self.engine, NAME, TYPE, now=self.clock.now)
         self.feedback: list[tuple[bytes, int]] = []
         self.client.on_feedback = lambda id, message: self.feedback.append((id, message["at"]))
         self.accepted: dict[bytes, bool] = {}
@@ -142,6 +142,7 @@ def test_the_life_of_a_goal() -> None:
     pair.run()
     assert pair.results == [(goal.id, SUCCEEDED, {"reached": 2})]
     assert pair.client.statuses == {goal.id: SUCCEEDED} and pair.server.goals == []
+    assert pair.client.unfinished_goals() == set()
     assert pair.wire.messages("*/send_goal", "reply")[0]["stamp"]["sec"] == pytest.approx(time.time(), abs=60)
 
 
@@ -261,6 +262,8 @@ def test_cancelling_one() -> None:
     pair.cancel(goal.id)
     assert pair.canceled == [CancelResponse(CANCEL_NONE, (goal.id,))]
     assert (goal.status, other.status) == (CANCELING, EXECUTING)
+    (request,) = pair.wire.messages("*/cancel_goal", "request")
+    assert request["goal_info"] == {"goal_id": {"uuid": goal.id}, "stamp": {"sec": 0, "nanosec": 0}}
     pair.cancel(goal.id)
     assert pair.canceled[1:] == [CancelResponse(CANCEL_NONE, (goal.id,))], "once more does no harm"
     assert goal.cancel({"reached": 1})
@@ -308,7 +311,6 @@ def test_a_cancel_that_comes_before_the_acceptance_is_not_lost() -> None:
     ],
 )
 def test_a_goal_that_ends_while_its_cancel_is_decided(end: str, answer: CancelResponse) -> None:
-    pair = Pair()
     pair = Pair(cancel=lambda goal, decide: pair.later(goal, decide))
     goal = pair.send()
     goal.execute()
@@ -323,7 +325,6 @@ def test_a_goal_that_ends_while_its_cancel_is_decided(end: str, answer: CancelRe
 
 
 def test_deciding_twice_counts_once() -> None:
-    pair = Pair()
     pair = Pair(cancel=lambda goal, decide: pair.later(goal, decide))
     goal = pair.send()
     goal.execute()
@@ -341,6 +342,8 @@ def test_cancelling_everything() -> None:
     running = [pair.send(number, until=number) for number in (1, 2, 3)]
     for goal in running:
         goal.execute()
+    pair.run()
+    assert pair.client.unfinished_goals() == {goal.id for goal in running}
     undecided = pair.send(4, until=4)
     pair.cancel()
     assert not pair.canceled, "a word about each"
@@ -467,3 +470,91 @@ def test_taking_up_a_goal_of_an_earlier_server() -> None:
     for bad in (identity(5), ALL_GOALS, b"short"):
         with pytest.raises(ValueError, match="cannot be taken up"):
             pair.server.adopt(bad)
+
+
+# --- the client alone ---------------------------------------------------------------------------------------------
+
+
+def test_feedback_goes_by_the_goal() -> None:
+    pair = Pair()
+    one, two = pair.send(1), pair.send(2)
+    one.execute()
+    two.execute()
+    for goal, at in ((one, 1), (two, 1), (one, 2)):
+        goal.publish_feedback({"at": at})
+    pair.run()
+    assert pair.feedback == [(one.id, 1), (two.id, 1), (one.id, 2)]
+
+
+def test_who_comes_late_gets_the_status() -> None:
+    pair = Pair()
+    goal = pair.send()
+    goal.execute()
+    pair.run(1)
+    late, told = ActionClient(pair.engine, NAME, TYPE), []
+    late.on_status = lambda statuses: told.append(dict(statuses))
+    pair.run()
+    assert told == [{goal.id: EXECUTING}]
+
+
+def test_servers_are_counted_when_all_three_services_are_there() -> None:
+    pair = Pair()
+    robot = MemoryTransport(pair.wire, pair.loop, "/robot/node2")
+    client = ActionClient(pair.engine, "/other", TYPE)
+    assert client.count_servers() == 0
+    robot.serve("/other/_action/send_goal", f"{TYPE}_SendGoal", lambda request, reply: None)
+    robot.serve("/other/_action/get_result", f"{TYPE}_GetResult", lambda request, reply: None)
+    assert client.count_servers() == 0
+    robot.serve("/other/_action/cancel_goal", CANCEL_TYPE, lambda request, reply: None)
+    assert client.count_servers() == 1
+    ActionServer(pair.robot, "/other", TYPE, pair.goals.append, clock=pair.clock)
+    assert client.count_servers() == 2
+
+
+def test_every_answer_is_a_sign_of_life() -> None:
+    pair = Pair()
+    pair.wire.drop("*/status")
+    goal = pair.send()
+    assert pair.client.heard_at is None
+    for act in (goal.execute, lambda: goal.publish_feedback({"at": 1}), lambda: pair.cancel(identity(9))):
+        pair.run(1)
+        now = pair.clock.now()
+        act()
+        pair.run()
+        assert pair.client.heard_at == now
+
+
+def test_a_second_answer_is_handed_on() -> None:
+    pair = Pair(lambda goal: goal.accept())
+    pair.wire.duplicate("*/send_goal", what="reply")
+    got: list[bool] = []
+    pair.client.send(identity(1), {}, got.append)
+    pair.run()
+    assert got == [True, True]
+
+
+def test_after_closing_nothing_comes() -> None:
+    pair = Pair()
+    goal = pair.send()
+    goal.execute()
+    pair.ask_result()
+    pair.client.close()
+    goal.publish_feedback({"at": 1})
+    goal.succeed()
+    pair.run(10)
+    assert not pair.feedback and not pair.results and pair.client.statuses == {goal.id: EXECUTING}
+    with pytest.raises(PortError):
+        pair.send()
+
+
+def test_a_goal_that_does_not_fit_its_type() -> None:
+    pair = Pair()
+    with pytest.raises(PortError, match="untill"):
+        pair.client.send(identity(1), {"untill": 1}, lambda accepted: None)
+
+
+def test_names_are_remapped_before_the_hidden_part_is_added() -> None:
+    pair = Pair()
+    remapped = MemoryTransport(pair.wire, pair.loop, "/robot/other", {"talk": "count"})
+    client = ActionClient(remapped, "talk", TYPE)
+    assert client.name == NAME and client.count_servers() == 1

@@ -206,52 +206,6 @@ async def test_a_reader_that_stands_still_holds_nobody_up(transport: DdsTranspor
 # --- one process ---------------------------------------------------------------------------------------------------
 
 
-async def test_who_comes_late_gets_the_latest(transport: DdsTransport) -> None:
-    say = transport.publisher("state", TEXT, LATCHED)
-    for number in range(5):
-        say.publish({"data": str(number)})
-    late = opened("late")
-    heard: list[str] = []
-    late.subscribe("state", TEXT, lambda message: heard.append(message["data"]), LATCHED)
-    await until(lambda: len(heard) == 3)
-    assert heard == ["2", "3", "4"]
-    late.close()
-
-
-async def test_an_answer_counts_once_and_only_for_who_asked(transport: DdsTransport) -> None:
-    replies: list[Any] = []
-    transport.serve("set", SET, lambda asked, reply: replies.append((asked, reply)))
-    other = opened("other")
-    first, second = other.client("set", SET), other.client("set", SET)
-    answers: list[tuple[str, Any]] = []
-    await until(lambda: first.count_servers() == second.count_servers() == 1)
-    first.call({"data": True}, lambda answer: answers.append(("first", answer)))
-    second.call({"data": False}, lambda answer: answers.append(("second", answer)))
-    await until(lambda: len(replies) == 2)
-    assert answers == []
-    for asked, reply in reversed(replies):
-        reply({"success": asked["data"]})
-        reply({"success": True, "message": "again"})
-    await until(lambda: len(answers) == 2)
-    empty = {"message": ""}
-    assert sorted(answers) == [("first", {"success": True, **empty}), ("second", {"success": False, **empty})]
-    other.close()
-
-
-async def test_an_answer_that_does_not_fit_can_be_given_again(transport: DdsTransport) -> None:
-    replies: list[Any] = []
-    answers: list[Any] = []
-    transport.serve("set", SET, lambda asked, reply: replies.append(reply))
-    ask = transport.client("set", SET)
-    await until(ask.count_servers)
-    ask.call({}, answers.append)
-    await until(lambda: replies)
-    with pytest.raises(PortError, match="the field 'success' takes true or false"):
-        replies[0]({"success": "yes"})
-    replies[0]({"success": True})
-    await until(lambda: answers)
-
-
 async def test_callbacks_come_on_the_loop_and_never_inside_a_call(transport: DdsTransport) -> None:
     heard: list[Any] = []
     transport.subscribe("said", TEXT, heard.append)
@@ -304,22 +258,6 @@ async def test_after_closing_nothing_comes_and_nothing_hangs(transport: DdsTrans
     await until(lambda: transport.nodes() == ["/here"])
 
 
-async def test_two_servers_are_two_and_a_wrong_type_is_none(transport: DdsTransport) -> None:
-    other = opened("other")
-    transport.serve("set", SET, lambda asked, reply: reply({}))
-    second = other.serve("set", SET, lambda asked, reply: reply({}))
-    wrong = other.serve("wrong", "std_srvs/srv/Trigger", lambda asked, reply: reply({}))
-    ask, miss = transport.client("set", SET), transport.client("wrong", SET)
-    types = {"std_srvs/srv/Trigger_Request", "std_srvs/srv/Trigger_Response"}
-    await until(lambda: ask.count_servers() == 2)
-    await until(lambda: {end.type for end in transport.server_endpoints("wrong")} == types)
-    assert miss.count_servers() == 0
-    second.close()
-    await until(lambda: ask.count_servers() == 1)
-    wrong.close()
-    other.close()
-
-
 async def test_a_type_of_the_same_structure_is_another_type(tmp_path: Path) -> None:
     for name in ("A", "B"):
         path = tmp_path / "lab" / "srv" / f"{name}.srv"
@@ -350,16 +288,6 @@ async def test_names_types_and_messages_that_cannot_be(transport: DdsTransport) 
     with pytest.raises(PortError, match="has no field 'text'"):
         transport.publisher("a", TEXT).publish({"text": "x"})
     assert transport.type_hash("no_such/msg/Type") == ""
-
-
-async def test_the_arguments_of_ros_count() -> None:
-    one = opened("rise", arguments=["--ros-args", "-r", "__ns:=/lab", "-r", "said:=/all/said", "-r", "__node:=rise2"])
-    assert one.node == "/lab/rise2"
-    assert one.resolve("said") == "/all/said"
-    assert one.resolve("heard") == "/lab/heard"
-    one.close()
-    with pytest.raises(PortError, match="is no remapping"):
-        opened("rise", arguments=["-r", "x"])
 
 
 async def test_about_says_what_it_is(transport: DdsTransport) -> None:

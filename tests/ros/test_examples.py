@@ -28,6 +28,8 @@ pytestmark = pytest.mark.slow  # its sessions run twenty times as fast as life, 
 LAB = Path(__file__).parents[2] / "scenarios" / "lab_opening"
 SPEED = 20.0
 """Of the session; nodes live in real time."""
+WITH_MODEL = 3.0
+"""Of one in which a language model answers: its rule waits 15 s for that, which are 5 s on a busy machine."""
 
 
 class Lab:
@@ -443,7 +445,7 @@ async def ask(it: Lab, question: str) -> None:
 
 
 async def test_a_question_is_answered_and_the_answer_is_said(tmp_path: Path, model_server: ModelServer) -> None:
-    async with lab(tmp_path, speed=1.0) as it:
+    async with lab(tmp_path, speed=WITH_MODEL) as it:
         await it.begin()
         answer_node(it, model_server)
         model_server.answer = "  We have\n three. "
@@ -467,7 +469,7 @@ async def test_a_question_is_answered_and_the_answer_is_said(tmp_path: Path, mod
 
 @pytest.mark.parametrize("how", ["error", "garbage", "empty", "no choices", "broken off", "nobody"])
 async def test_without_an_answer_there_is_the_fallback(tmp_path: Path, model_server: ModelServer, how: str) -> None:
-    async with lab(tmp_path, speed=1.0) as it:
+    async with lab(tmp_path, speed=WITH_MODEL) as it:
         await it.begin()
         model_server.how = how
         answer_node(it, model_server, **({"base_url": "http://127.0.0.1:1/v1"} if how == "nobody" else {}))

@@ -17,8 +17,9 @@ pytestmark = [
 
 
 async def test_a_stopped_engine_is_killed_and_another_one_continues(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tests.ros.fault_matrix import play
+    from tests.ros import fault_matrix
 
+    monkeypatch.setattr(fault_matrix, "AFTER", 0.5)
     for name, value in environment().items():
         monkeypatch.setenv(name, value)
-    assert isinstance(await play("speaks", "kill_the_stopped_engine", "dds", "dds"), list)
+    assert isinstance(await fault_matrix.play("speaks", "kill_the_stopped_engine", "dds", "dds"), list)

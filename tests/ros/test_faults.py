@@ -9,12 +9,111 @@ a limit, and the record tells why (`Bench.check`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
+from msgspec import Struct
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
 
 from rise_engine.kernel.records import RobotRecord
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, LONG, SPEECH, TASK, Bench, heard
+from tests.ros.memory import MemoryWire
+
+# --- one goal to its end --------------------------------------------------------------------------------------------
+
+
+class Row(Struct, frozen=True):
+    """What the robot does with a goal, and what the record says of it."""
+
+    plan: Plan
+    ending: str
+    at: float
+    """When, in seconds of session time."""
+    note: str = ""
+    """The only note; empty: there is none."""
+    is_stopped: bool = False
+    """Whether the robot is told to stop it, once. (Otherwise it is told nothing.)"""
+    deadlines: dict[str, float] = {}
+    fault: Callable[[MemoryWire], object] = lambda wire: None
+    """What becomes of messages on their way."""
+
+
+UNKNOWN = f"lost: server-restarted: {SPEECH} no longer knows it; was the robot's wrapper restarted?"
+NEVER_SENT = f"timed-out: no-result: {SPEECH} says that it has ended, and its result did not come within 2 s"
+LATE = f"timed-out: no-result: it should have taken 2.8 s, and {SPEECH} had not ended it 2 s later"
+LIMIT = "timed-out: the robot reported no ending in time"
+AFTER_OURS = "late: the result of 2/1 (succeeded) came 15.2 s after its end (timed-out); it changes nothing"
+AFTER_LIMIT = (
+    "late: 2/1 succeeded (succeeded-during-cancel: the robot finished it although it was asked to stop), "
+    "after its time was over"
+)
+ROWS = {
+    "a05 its acceptance is lost, and the status topic says it": Row(
+        Plan(), "succeeded", 1, fault=lambda wire: wire.drop("*/send_goal", what="reply")
+    ),
+    "a08 unknown is never a success": Row(Plan(end=0), UNKNOWN, 1.3),
+    # rclpy does this when `execute` returns something of a wrong type:
+    "a09 its result is never sent": Row(Plan(answers=False), NEVER_SENT, 3, is_stopped=True),
+    "a09 it hangs": Row(Plan(end=None), LATE, 4.8, is_stopped=True, deadlines={"result": 2}),
+    "a09 it hangs, and the kernel's limit decides": Row(Plan(end=None), LIMIT, 18.4, is_stopped=True),
+    "a10 its result comes after our time-out": Row(
+        Plan(seconds=20, cancel="ignore"), LATE, 4.8, AFTER_OURS, is_stopped=True, deadlines={"result": 2}
+    ),
+    "a10 its result comes after the kernel's limit": Row(
+        Plan(seconds=20, cancel="ignore"), LIMIT, 18.4, AFTER_LIMIT, is_stopped=True
+    ),
+    "a11 its result comes twice": Row(
+        Plan(),
+        "succeeded",
+        1,
+        "duplicate: the result of 2/1 came twice; the second one is ignored",
+        fault=lambda wire: wire.duplicate("*/get_result", 3, what="reply"),
+    ),
+    "a11 its acceptance comes twice": Row(
+        Plan(),
+        "succeeded",
+        1,
+        f"duplicate: {SPEECH} answered twice whether it accepts 2/1",
+        fault=lambda wire: wire.duplicate("*/send_goal", what="reply"),
+    ),
+    "a13 aborted": Row(Plan(end=ABORTED), "failed: aborted: the robot gave it up and did not say why", 1),
+    "a13 aborted, and why": Row(
+        Plan(end=ABORTED, result={"reason": "the motor is hot"}), "failed: aborted: the motor is hot", 1
+    ),
+    "a13 a success that the result denies": Row(
+        Plan(result={"reason": "no voice is installed"}), "failed: robot-error: no voice is installed", 1
+    ),
+    "a16 no feedback": Row(Plan(seconds=10), "succeeded", 10),
+    "a16 feedback as expected": Row(
+        Plan(seconds=5, feedback_every=0.5, status=False), "succeeded", 5, deadlines={"feedback": 1}
+    ),
+    "a16 no feedback where it is expected": Row(
+        Plan(seconds=5, status=False),
+        f"lost: silent: {SPEECH} has sent no feedback for 1 s",
+        1,
+        is_stopped=True,
+        deadlines={"feedback": 1},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_one_goal_to_its_end(name: str) -> None:
+    row = ROWS[name]
+    bench = Bench([row.plan], **row.deadlines)  # type: ignore[arg-type]
+    row.fault(bench.wire)
+    bench.act()
+    bench.run(50)
+    assert bench.ending(TASK) == row.ending and bench.ended_at(TASK) == pytest.approx(row.at, abs=0.1)
+    assert bench.history(TASK) == ["started", "accepted", row.ending.partition(":")[0]]
+    assert bench.notes() == [row.note][: bool(row.note)]
+    assert bench.speech.cancels == (bench.speech.received if row.is_stopped else []) and not bench.speech.running()
+    is_good = row.ending == "succeeded"
+    assert bench.task() == ("SUCCEEDED" if is_good else "ABORTED")
+    assert (bench.memory("ends"), bench.memory("failed")) == (1, 0 if is_good else 1)
+    bench.check()
+
 
 # --- no server ------------------------------------------------------------------------------------------------------
 
@@ -153,15 +252,6 @@ def test_a05_the_acceptance_is_lost_and_the_robot_does_it() -> None:
     bench.check()
 
 
-def test_a05_the_status_topic_says_that_it_was_accepted() -> None:
-    bench = Bench()
-    bench.wire.drop("*/send_goal", what="reply")
-    bench.act()
-    bench.run(5)
-    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    bench.check()
-
-
 # --- the server dies ------------------------------------------------------------------------------------------------
 
 
@@ -280,78 +370,7 @@ def test_a08_a_second_robot_that_does_not_know_the_goal_does_not_let_the_first_o
     bench.check()
 
 
-def test_a08_unknown_is_never_a_success() -> None:
-    bench = Bench([Plan(end=0)])
-    bench.act()
-    bench.run(20)
-    assert bench.ending(TASK).startswith("lost: server-restarted")
-    bench.check()
-
-
 # --- results --------------------------------------------------------------------------------------------------------
-
-
-def test_a09_the_result_is_never_sent() -> None:
-    """rclpy does this when `execute` returns something of a wrong type."""
-    bench = Bench([Plan(answers=False)])
-    bench.act()
-    bench.run(10)
-    assert bench.ending(TASK).startswith(f"timed-out: no-result: {SPEECH} says that it has ended")
-    assert bench.ended_at(TASK) == pytest.approx(3, abs=0.1)
-    assert bench.speech.cancels == bench.speech.received
-    assert bench.memory("ends") == 1 and bench.memory("failed") == 1
-    bench.check()
-
-
-def test_a09_it_hangs() -> None:
-    bench = Bench([Plan(end=None)], result=2)
-    bench.act()
-    bench.run(10)
-    assert bench.ending(TASK) == (
-        f"timed-out: no-result: it should have taken 2.8 s, and {SPEECH} had not ended it 2 s later"
-    )
-    assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
-    bench.check()
-
-
-def test_a09_it_hangs_and_the_kernels_limit_decides() -> None:
-    bench = Bench([Plan(end=None)])
-    bench.act()
-    bench.run(40)
-    assert bench.ending(TASK) == "timed-out: the robot reported no ending in time"
-    assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
-    bench.check()
-
-
-@pytest.mark.parametrize("result", [2, 0])
-def test_a10_a_result_after_our_time_out(result: int) -> None:
-    bench = Bench([Plan(seconds=20, cancel="ignore")], result=result)
-    bench.act()
-    bench.run(30)
-    assert bench.ending(TASK).startswith("timed-out") and len(bench.history(TASK)) == 3
-    late = [note for note in bench.notes() if note.startswith("late: ")]
-    assert len(late) == 1 and "2/1" in late[0] and "succeeded" in late[0]
-    bench.check()
-
-
-def test_a11_the_result_comes_twice() -> None:
-    bench = Bench()
-    bench.wire.duplicate("*/get_result", 3, what="reply")
-    bench.act()
-    bench.run(5)
-    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one is ignored"]
-    bench.check()
-
-
-def test_a11_the_acceptance_comes_twice() -> None:
-    bench = Bench()
-    bench.wire.duplicate("*/send_goal", what="reply")
-    bench.act()
-    bench.run(5)
-    assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it accepts 2/1"]
-    bench.check()
 
 
 def test_a12_the_result_of_an_older_goal() -> None:
@@ -369,29 +388,6 @@ def test_a12_the_result_of_an_older_goal() -> None:
     assert [note for note in bench.notes() if note.startswith("late: the result of 2/1 (succeeded)")]
     bench.stop_act()
     bench.run(10)
-    bench.check()
-
-
-@pytest.mark.parametrize(
-    ("result", "reason"),
-    [
-        ({}, "failed: aborted: the robot gave it up and did not say why"),
-        ({"reason": "the motor is hot"}, "failed: aborted: the motor is hot"),
-    ],
-)
-def test_a13_aborted(result: dict[str, str], reason: str) -> None:
-    bench = Bench([Plan(end=ABORTED, result=result)])
-    bench.act()
-    bench.run(5)
-    assert bench.ending(TASK) == reason and bench.task() == "ABORTED"
-    bench.check()
-
-
-def test_a13_a_success_that_the_result_denies() -> None:
-    bench = Bench([Plan(result={"reason": "no voice is installed"})])
-    bench.act()
-    bench.run(5)
-    assert bench.ending(TASK) == "failed: robot-error: no voice is installed"
     bench.check()
 
 
@@ -417,27 +413,6 @@ def test_a15_a_flood_of_feedback() -> None:
         bench.check()
     assert len(flooded.wire.messages("*/feedback")) > 2900
     assert len(flooded.records) == len(quiet.records), "feedback changes nothing and is kept nowhere"
-
-
-def test_a16_no_feedback() -> None:
-    bench = Bench([Plan(seconds=10)])
-    bench.act()
-    bench.run(15)
-    assert bench.ending(TASK) == "succeeded"
-    bench.check()
-
-
-@pytest.mark.parametrize("every", [0.0, 0.5])
-def test_a16_no_feedback_where_it_is_expected(every: float) -> None:
-    bench = Bench([Plan(seconds=5, feedback_every=every, status=False)], feedback=1)
-    bench.act()
-    bench.run(10)
-    if every:
-        assert bench.ending(TASK) == "succeeded"
-    else:
-        assert bench.ending(TASK) == f"lost: silent: {SPEECH} has sent no feedback for 1 s"
-        assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
-    bench.check()
 
 
 def test_success_is_the_only_success() -> None:

@@ -64,53 +64,24 @@ def lab(tmp_path: Path) -> Iterator[Mini]:
 
 
 async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Mini) -> None:
+    """Where it runs, in its record, and to whom ends it from elsewhere."""
     lab.write_study()
     robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
     session = await lab.serve("session", "--rule", "Go", "--new")
     await robot.says('"begin"')
-    assert session.end(signal.SIGTERM) == exit_status.STILL_RUNNING
-    assert "mini/speech may still be doing Speech (it refused to stop)" in session.said()
+    stop = lab.start("stop", "rise_engine", "stop", "study")
+    await until(lambda: stop.process.poll() is not None, PATIENCE)
+    assert stop.process.returncode == session.process.wait(PATIENCE) == exit_status.STILL_RUNNING
+    sentence = "mini/speech may still be doing Speech (it refused to stop)"
+    assert sentence in session.said() and f"LOOK AT THE ROBOT: {sentence}" in stop.said()
     last = lab.records()[-1]
     assert last["status"] == "ended"
     assert [(goal["part"], goal["reason"]) for goal in last["open"]] == [("mini/speech", "it refused to stop")]
 
 
-async def test_who_ends_a_session_from_elsewhere_is_told_as_well(lab: Mini) -> None:
-    lab.write_study()
-    robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
-    await lab.serve("session", "--rule", "Go", "--new")
-    await robot.says('"begin"')
-    stop = lab.start("stop", "rise_engine", "stop", "study")
-    await until(lambda: stop.process.poll() is not None, PATIENCE)
-    assert stop.process.returncode == exit_status.STILL_RUNNING
-    assert "LOOK AT THE ROBOT: mini/speech may still be doing Speech (it refused to stop)" in stop.said()
-
-
-async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped(lab: Mini) -> None:
-    lab.write_study()
-    robot = await lab.robot(Plan(seconds=60))
-    session = await lab.serve("session", "--rule", "Go", "--new")
-    await robot.says('"begin"')
-    await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
-    session.process.kill()
-    session.process.wait()
-    (folder,) = (lab.folder / "sessions").iterdir()
-    folder.rename(folder.with_name("renamed"))
-    again = await lab.serve("again", "--recover")
-    await robot.says('"end"')  # no wizard is there, so the session stops it by itself
-    await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
-    after = [each for each in lab.records() if each["kind"] in ("robot", "task")]
-    first = next(each for each in after if each["kind"] == "robot" and each["open"])
-    assert first["open"][0]["reason"] == "an engine that has gone began it" and first["status"] == "degraded"
-    named = {goal["action"] for each in after for goal in each.get("open", ())}
-    assert named == {"2/1"}, "by its id, although the folder has another name now"
-    assert [each["source"] for each in after if each.get("function") == "cancelOpenGoals"] == ["engine"]
-    assert again.end(signal.SIGTERM) == exit_status.OK
-
-
 @pytest.mark.parametrize("unattended", ["wait", "go on"])
-async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
-    lab: Mini, monkeypatch: pytest.MonkeyPatch, unattended: str
+async def test_what_a_killed_engine_left_is_named_and_stopped_and_nothing_begins_before_a_wizard_has_control(
+    lab: Mini, unattended: str
 ) -> None:
     lab.write_study(f'[options]\nunattended = "{unattended}"')
     robot = await lab.robot(Plan(seconds=60))
@@ -119,10 +90,19 @@ async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
     await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
     session.process.kill()
     session.process.wait()
+    (folder,) = (lab.folder / "sessions").iterdir()
+    folder.rename(folder.with_name("renamed"))
     again = await lab.serve("again", "--recover")
-    await robot.says('"end"')  # what the first engine left; the second act was waiting for that
+    await robot.says('"end"')  # no wizard is there, so the session stops it by itself; the second act waited for that
+    await until(lambda: any(each["open"] == [] for each in lab.records("robot")[-1:]), PATIENCE)
+    told = lab.records("robot")
+    first = next(each for each in told if each["open"])
+    assert first["open"][0]["reason"] == "an engine that has gone began it" and first["status"] == "degraded"
+    named = {goal["action"] for each in told for goal in each["open"]}
+    assert named == {"1/1"}, "by its id, although the folder has another name now"
+    tasks = lab.records("task")
+    assert [each["source"] for each in tasks if each["function"] == "cancelOpenGoals"] == ["engine"]
     if unattended == "wait":
-        await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
         wizard = SocketClient("study", "anna")
         attached = await wizard.attach()
         assert attached.view.waits_for_wizard and attached.view.control is None and len(attached.view.waiting) == 1
