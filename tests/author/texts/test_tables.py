@@ -297,7 +297,7 @@ def test_ids_are_no_dates_and_no_formulas() -> None:
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        ("id;of\nä".encode("cp1252"), "save it anew as `CSV UTF-8`"),
+        ("id;of\nä".encode("cp1252"), "save it again as `CSV UTF-8`"),
         (b"", "this file is empty"),
         (b"Id;text\n", "the table has no column `id`; did you mean `Id`?"),
         (b"id;text\n", "the table has no column `of`"),

@@ -415,7 +415,7 @@ def test_a_time_can_be_a_mark(tmp_path: Path) -> None:
     with pytest.raises(SessionError, match="has no `mark7`; it has mark1, mark2"):
         start_time(folder, "mark7")
     for wrong in ("-1", "soon", "nan", "inf"):
-        with pytest.raises(SessionError, match="is no time"):
+        with pytest.raises(SessionError, match="is not a time"):
             start_time(folder, wrong)
     (folder / "other").mkdir()
     without = make_session(tmp_path / "two")
