@@ -1,8 +1,9 @@
 """Textual's pilot without the work that no test looks at; all of it was half of what the tests of the console cost.
 
 In virtual time nothing is left to do when time goes on: nobody has to ask every widget, or how busy the processor is.
-What has changed is painted when the test looks, once; a terminal would also have seen each step on the way. Apps that
-load the same stylesheets with the same colours share what was parsed.
+What has changed is painted when the test looks, once; a terminal would also have seen each step on the way. A screen
+of a kind is painted whole once at each size, and then only where it changes; snapshots paint it whole themselves. Apps
+that load the same stylesheets with the same colours share what was parsed.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ _render_update = Compositor.render_update
 _make_stylesheet, _set_variables = Stylesheet.__init__, Stylesheet.set_variables
 _rules: defaultdict[object, Any] = defaultdict(dict)
 """What was parsed, by the colours."""
+_painted: set[object] = set()
+"""Kinds of screens that were painted whole, each with its size."""
 _looking = False
 
 
@@ -52,9 +55,15 @@ async def pause(self: Pilot[Any], delay: float | None = None) -> None:
     global _looking
     await _pause(self, delay)
     if in_virtual_time():
+        screen = self.app.screen
+        dirty, whole = screen._compositor._dirty_regions, screen._compositor.size.region
+        if whole in dirty:
+            if (kind := (type(screen), whole)) in _painted:
+                dirty.clear()
+            _painted.add(kind)
         _looking = True
         try:
-            self.app.screen._compositor_refresh()
+            screen._compositor_refresh()
         finally:
             _looking = False
 
