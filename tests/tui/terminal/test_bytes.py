@@ -105,13 +105,39 @@ def test_a_row_that_changes(shared: tuple[Terminal, ScriptedEngine]) -> None:
         assert 0 < change(value) <= ROW
 
 
-@pytest.mark.parametrize(
-    "key", [b":", b"?", b"\x04", b"\x14", b"\x0f", b"/"], ids=["palette", "help", "jump", "say", "note", "filter"]
-)
-def test_what_opens_and_closes_above_it(key: bytes, shared: tuple[Terminal, ScriptedEngine]) -> None:
+BOXES = {
+    "palette": (b":", "esc closes", 11_000, 7_000),
+    "help": (b"?", "search keys, actions and words", 20_000, 11_000),
+    "control": (b"\x19", "You have control", 3_000, 3_000),
+    "jump": (b"\x04", "[m]", 2_500, 2_500),
+}
+"""A key, what it shows, and what opening and leaving it may cost."""
+
+
+@pytest.mark.parametrize(("key", "shows", "opens", "leaves"), BOXES.values(), ids=BOXES)
+def test_a_box_costs_what_it_covers_and_not_the_screen(
+    key: bytes, shows: str, opens: int, leaves: int, shared: tuple[Terminal, ScriptedEngine]
+) -> None:
+    it, _ = shared
+    before = it.text
+    assert 200 < it.cost(key) <= opens
+    it.until_screen(shows)
+    assert 0 < it.cost(ESCAPE) <= leaves
+    assert it.text == before
+
+
+@pytest.mark.parametrize("key", [b"\x14", b"\x0f", b"/"], ids=["say", "note", "filter"])
+def test_a_line_that_is_typed_into(key: bytes, shared: tuple[Terminal, ScriptedEngine]) -> None:
     it, _ = shared
     assert 0 < it.cost(key) <= DIALOG
     assert 0 < it.cost(ESCAPE) <= DIALOG
+
+
+def test_a_move_in_the_palette_costs_two_rows(shared: tuple[Terminal, ScriptedEngine]) -> None:
+    it, _ = shared
+    it.cost(b":")
+    assert 0 < it.cost(DOWN) <= 1_200
+    it.cost(ESCAPE)
 
 
 def test_the_clock() -> None:
