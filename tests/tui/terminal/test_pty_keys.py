@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
-from shutil import rmtree
 from time import monotonic, sleep
 
 import pytest
 
-from tests.tui.scripted import ScriptedEngine, scripted
-from tests.tui.terminals import Terminal, environment_of, terminal
+from tests.tui.scripted import ScriptedEngine, scripted_console
+from tests.tui.terminals import Terminal
 
 pytestmark = pytest.mark.pty
 
@@ -51,13 +49,8 @@ GARBAGE = {
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Both]:
-    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    environment_of(home)
-    with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
-        it.until_screen("LIVE")
-        it.still()
-        yield it, engine
-    rmtree(home, ignore_errors=True)
+    with scripted_console() as both:
+        yield both
 
 
 @pytest.fixture
