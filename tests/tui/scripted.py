@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import os
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from shutil import rmtree
 from threading import Event, Thread
 from time import monotonic
 from typing import Any
@@ -19,6 +21,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.session.folder import create_session
 from tests.patience import PATIENCE
 from tests.tui.fake import DEMO, FakeClient
+from tests.tui.terminals import Terminal, environment_of, terminal
 
 
 class ScriptedEngine:
@@ -170,3 +173,19 @@ def scripted(home: str, **options: Any) -> Iterator[ScriptedEngine]:
         yield engine
     finally:
         engine.close()
+
+
+@contextmanager
+def scripted_console(
+    size: tuple[int, int] = (120, 40), speed: float = 0.0
+) -> Iterator[tuple[Terminal, ScriptedEngine]]:
+    """A console at a terminal, attached to a scripted engine, with its first screen painted."""
+    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")  # the path of a socket has to be short
+    environment_of(home)
+    try:
+        with scripted(home, speed=speed) as engine, terminal("--wizard", "anna", home=home, size=size) as it:
+            it.until_screen("LIVE")
+            it.still()
+            yield it, engine
+    finally:
+        rmtree(home, ignore_errors=True)

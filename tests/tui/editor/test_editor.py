@@ -271,7 +271,6 @@ async def test_what_somebody_else_writes_is_taken_in_or_asked_about_and_own_chan
     async with editor(study) as it:
         await welcome(it)
         memory.write_text('{"from_outside": 1}')
-        it.screen.look_outside()
         await it.until(lambda: "changed on the disk: read again" in it.notice)
         assert "from_outside" in it.draft_text
         assert "Welcome." in it.draft_text

@@ -7,20 +7,15 @@ import pty
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from pathlib import Path
-from shutil import rmtree
-from threading import Event
-from time import monotonic
 
 import pytest
 
 from rise_tui.rendering.terminal_driver import TerminalWriter
 from tests.chance import searched
 from tests.patience import PATIENCE
-from tests.tui.scripted import scripted
-from tests.tui.terminals import ROOT, Terminal, environment_of, run_rise_tui, terminal
+from tests.tui.terminals import ROOT, Terminal, run_rise_tui, terminal
 
 pytestmark = pytest.mark.pty
 
@@ -79,26 +74,6 @@ def test_a_console_ends_although_its_terminal_takes_the_last_frame_but_not_the_s
         it.until("LIVE")
         it.process.send_signal(signal.SIGTERM)
         assert it.process.wait(PATIENCE) == 128 + signal.SIGTERM
-
-
-def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
-    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    environment_of(home)
-    try:
-        with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
-            it.until_screen("LIVE")
-            it.still()
-            end, number = monotonic() + 4, 0
-            while monotonic() < end:  # painted 15 times a second, it fills the terminal and all queues in less than 2 s
-                number += 1
-                name = f"/event{number}"
-                engine.do(lambda fake, name=name: fake.task("raiseEventTopic", name, "SUCCEEDED"))
-                Event().wait(0.03)
-            os.write(it.master, b"\x1b[20~")
-            engine.until_sent("stopAll")
-            it.until_screen(f"/event{number}")
-    finally:
-        rmtree(home, ignore_errors=True)
 
 
 def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:

@@ -6,18 +6,15 @@ The engine's clock stands still except where a test lets it go, so that every by
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
-from shutil import rmtree
 from time import monotonic
 
 import pytest
 
 from rise_engine.kernel.records import MemoryRecord
 from tests.patience import PATIENCE
-from tests.tui.scripted import ScriptedEngine, scripted
-from tests.tui.terminals import Terminal, environment_of, terminal
+from tests.tui.scripted import ScriptedEngine, scripted_console
+from tests.tui.terminals import Terminal
 
 pytestmark = pytest.mark.pty
 
@@ -31,22 +28,9 @@ SMALL, USUAL = (80, 24), (120, 40)
 F2, DOWN, UP, ESCAPE = b"\x1bOQ", b"\x1b[B", b"\x1b[A", b"\x1b"
 
 
-@contextmanager
-def console(size: tuple[int, int], speed: float = 0.0) -> Iterator[tuple[Terminal, ScriptedEngine]]:
-    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    environment_of(home)
-    try:
-        with scripted(home, speed=speed) as engine, terminal("--wizard", "anna", home=home, size=size) as it:
-            it.until_screen("LIVE")
-            it.still()
-            yield it, engine
-    finally:
-        rmtree(home, ignore_errors=True)
-
-
 @pytest.fixture(scope="module", params=[SMALL, USUAL], ids=["80x24", "120x40"])
 def shared(request: pytest.FixtureRequest) -> Iterator[tuple[Terminal, ScriptedEngine]]:
-    with console(request.param) as both:
+    with scripted_console(request.param) as both:
         yield both
 
 
@@ -105,17 +89,43 @@ def test_a_row_that_changes(shared: tuple[Terminal, ScriptedEngine]) -> None:
         assert 0 < change(value) <= ROW
 
 
-@pytest.mark.parametrize(
-    "key", [b":", b"?", b"\x04", b"\x14", b"\x0f", b"/"], ids=["palette", "help", "jump", "say", "note", "filter"]
-)
-def test_what_opens_and_closes_above_it(key: bytes, shared: tuple[Terminal, ScriptedEngine]) -> None:
+BOXES = {
+    "palette": (b":", "esc closes", 11_000, 7_000),
+    "help": (b"?", "search keys, actions and words", 20_000, 11_000),
+    "control": (b"\x19", "You have control", 3_000, 3_000),
+    "jump": (b"\x04", "[m]", 2_500, 2_500),
+}
+"""A key, what it shows, and what opening and leaving it may cost."""
+
+
+@pytest.mark.parametrize(("key", "shows", "opens", "leaves"), BOXES.values(), ids=BOXES)
+def test_a_box_costs_what_it_covers_and_not_the_screen(
+    key: bytes, shows: str, opens: int, leaves: int, shared: tuple[Terminal, ScriptedEngine]
+) -> None:
+    it, _ = shared
+    before = it.text
+    assert 200 < it.cost(key) <= opens
+    it.until_screen(shows)
+    assert 0 < it.cost(ESCAPE) <= leaves
+    assert it.text == before
+
+
+@pytest.mark.parametrize("key", [b"\x14", b"\x0f", b"/"], ids=["say", "note", "filter"])
+def test_a_line_that_is_typed_into(key: bytes, shared: tuple[Terminal, ScriptedEngine]) -> None:
     it, _ = shared
     assert 0 < it.cost(key) <= DIALOG
     assert 0 < it.cost(ESCAPE) <= DIALOG
 
 
+def test_a_move_in_the_palette_costs_two_rows(shared: tuple[Terminal, ScriptedEngine]) -> None:
+    it, _ = shared
+    it.cost(b":")
+    assert 0 < it.cost(DOWN) <= 1_200
+    it.cost(ESCAPE)
+
+
 def test_the_clock() -> None:
-    with console(USUAL, speed=1.0) as (it, _):
+    with scripted_console(USUAL, speed=1.0) as (it, _):
         it.still(0.1)
         before, seen = it.count, set[str]()
         while len(seen) < 4:

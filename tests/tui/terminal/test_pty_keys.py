@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
-from shutil import rmtree
 from time import monotonic, sleep
 
 import pytest
 
-from tests.tui.scripted import ScriptedEngine, scripted
-from tests.tui.terminals import Terminal, environment_of, terminal
+from tests.tui.scripted import ScriptedEngine, scripted_console
+from tests.tui.terminals import Terminal
 
 pytestmark = pytest.mark.pty
 
@@ -51,22 +49,24 @@ GARBAGE = {
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Both]:
-    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    environment_of(home)
-    with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
-        it.until_screen("LIVE")
-        it.still()
-        yield it, engine
-    rmtree(home, ignore_errors=True)
+    with scripted_console() as both:
+        yield both
 
 
 @pytest.fixture
 def both(shared: Both) -> Both:
-    """Nothing of what was pressed before has an effect any more."""
+    """What was pressed before has been through. A stop works at any time; nothing waits for it."""
     it, engine = shared
-    it.still(0.5)  # longer than a paste silences the keys, and than a key's debounce time
+    it.still()
     engine.fake.sent.clear()
     return shared
+
+
+@pytest.fixture
+def rested(both: Both) -> Both:
+    """Nothing of what was pressed before has an effect any more."""
+    both[0].still(0.5)  # longer than a paste silences the keys, and than a key's debounce time
+    return both
 
 
 def stop(it: Terminal, engine: ScriptedEngine, keys: bytes = STOPS["ctrl+g"]) -> None:
@@ -76,8 +76,8 @@ def stop(it: Terminal, engine: ScriptedEngine, keys: bytes = STOPS["ctrl+g"]) ->
 
 
 @pytest.mark.parametrize("keys", STOPS.values(), ids=STOPS)
-def test_stop_stops(keys: bytes, both: Both) -> None:
-    stop(*both, keys)
+def test_stop_stops(keys: bytes, shared: Both) -> None:
+    stop(*shared, keys)
 
 
 @pytest.mark.parametrize("keys", [STOPS["ctrl+g"], STOPS["xterm, rxvt, linux, tmux"]], ids=["ctrl+g", "F9"])
@@ -104,8 +104,8 @@ def test_what_terminals_confuse_starts_nothing(keys: bytes, both: Both) -> None:
     assert [function for function, _ in engine.fake.asked() if function != "stopAll"] == []
 
 
-def test_a_key_alone_starts_its_act_once(both: Both) -> None:
-    it, engine = both
+def test_a_key_alone_starts_its_act_once(rested: Both) -> None:
+    it, engine = rested
     it.press(b"g")
     engine.until_sent(ACT, "Greet")
     it.still()
@@ -137,8 +137,8 @@ def test_a_function_key_in_two_pieces_is_one_key(both: Both) -> None:
 @pytest.mark.parametrize(
     "block", [b"\x1b[200~gpm.\r\x1b[201~", b"gpm.", b"g\rp\rm", b"gg"], ids=["bracketed", "bare", "lines", "one twice"]
 )
-def test_a_pasted_block_starts_nothing(block: bytes, both: Both) -> None:
-    it, engine = both
+def test_a_pasted_block_starts_nothing(block: bytes, rested: Both) -> None:
+    it, engine = rested
     it.press(block)
     if b"\x1b" not in block:
         it.until_screen("several keys at once")
@@ -147,8 +147,8 @@ def test_a_pasted_block_starts_nothing(block: bytes, both: Both) -> None:
     assert [function for function, _ in engine.fake.asked() if function != "stopAll"] == []
 
 
-def test_a_key_held_down_counts_once(both: Both) -> None:
-    it, engine = both
+def test_a_key_held_down_counts_once(rested: Both) -> None:
+    it, engine = rested
     slowest, last = 0.0, monotonic()
     for _ in range(25):
         os.write(it.master, b"g")

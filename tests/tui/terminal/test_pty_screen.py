@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from shutil import rmtree
+from collections.abc import Callable
 from time import monotonic, sleep
 
 import pytest
@@ -15,25 +12,12 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from tests.patience import PATIENCE
 from tests.tui.fake import FakeClient
-from tests.tui.scripted import ScriptedEngine, scripted
-from tests.tui.terminals import Terminal, environment_of, terminal
+from tests.tui.scripted import scripted_console
+from tests.tui.terminals import Terminal, terminal
 
 pytestmark = pytest.mark.pty
 
 STALLED = 4.0
-
-
-@contextmanager
-def console() -> Iterator[tuple[Terminal, ScriptedEngine]]:
-    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
-    environment_of(home)
-    try:
-        with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
-            it.until_screen("LIVE")
-            it.still()
-            yield it, engine
-    finally:
-        rmtree(home, ignore_errors=True)
 
 
 def busy(fake: FakeClient, number: int) -> None:
@@ -59,7 +43,7 @@ def until(it: Terminal, holds: Callable[[], object], what: str) -> None:
 
 
 def test_a_storm_of_sizes_ends_in_the_same_screen_and_a_terminal_that_goes_detaches() -> None:
-    with console() as (it, engine):
+    with scripted_console() as (it, engine):
         to_memory(it)
         before = it.text
         for size in ((80, 24), (200, 50)) * 6:
@@ -92,7 +76,7 @@ def test_a_storm_of_sizes_ends_in_the_same_screen_and_a_terminal_that_goes_detac
 
 def test_a_terminal_that_takes_nothing_holds_nothing_up() -> None:
     """Neither the engine nor the console's own keys; and what it shows afterwards is the state of now."""
-    with console() as (it, engine):
+    with scripted_console() as (it, engine):
         to_memory(it)
         until, number = monotonic() + STALLED, 0
         while monotonic() < until:  # nobody reads the terminal
@@ -101,8 +85,9 @@ def test_a_terminal_that_takes_nothing_holds_nothing_up() -> None:
             sleep(0.05)
         os.write(it.master, b"p")
         engine.until_sent("startCommunicationRobotAct", "Praise")
-        os.write(it.master, b"\x07")
-        engine.until_sent("stopAll")
+        for times, key in enumerate((b"\x07", b"\x1b[20~"), 1):  # ctrl+g and F9
+            os.write(it.master, key)
+            engine.until_sent("stopAll", times=times)
         it.until_screen(f"turn{number}x24")
         it.still(0.5)
         assert f"/e{number}x24" in it.text and "Praise" in it.text
