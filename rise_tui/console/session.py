@@ -77,6 +77,8 @@ class ConsoleSession:
             except EngineGone as gone:
                 self._note_engine_gone(str(gone), over=self.store.view.ended)
                 return
+        if self._is_closed:
+            return
         await self._look_for_recorded_end()
         ended = self.store.view.end_reason
         self._note_engine_gone(ended or "it has ended", over=True)

@@ -261,6 +261,8 @@ class FakeClient:
 
     async def close(self, *, end_session: bool = False) -> None:
         self.closed.append(end_session)
+        if not end_session:  # the connection is gone, and with it the records
+            self._queue.put_nowait(None)
 
 
 class FakeLauncher(Launcher):

@@ -168,9 +168,12 @@ async def test_what_the_robot_may_still_be_doing_is_said_before_and_after_the_en
     ],
 )
 async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
-    way: str | signal.Signals, said: str, code: int
+    way: str | signal.Signals, said: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with console() as it:
+    (tmp_path / JOURNAL).touch()
+    looked: list[Path] = []
+    monkeypatch.setattr("rise_tui.console.session._gets_end", looked.append)
+    async with console(client=FakeClient(demo(), folder=str(tmp_path))) as it:
         if isinstance(way, signal.Signals):
             it.app._leave_by_signal(way)
         else:
@@ -178,6 +181,7 @@ async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
             await it.press(way)
         await it.until(lambda: it.client.closed == [False])
         await has_left(it, f"{said}detached: Demo study goes on; come back with: rise-tui", code)
+    assert looked == [], "nobody waits for the end of a record that goes on"
 
 
 @pytest.mark.parametrize("role", ["wizard", "observer"])
