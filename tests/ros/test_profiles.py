@@ -20,6 +20,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.model import ActionSpec, Parameter, RobotProfile, SourceLocation
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
+from rise_engine.scenario.reading.action_declarations import core_actions
 from rise_engine.scenario.reading.robot_profiles import read_robot
 from tests.ros.layouts import LAYOUTS
 
@@ -27,6 +28,7 @@ FOLDER = Path(robots.__file__).parent
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 ON_ROS = [name for name in NAMES if name != "generic"]
 TYPES = InterfaceCatalog(environment={})
+WRAPPER = Path(__file__).parents[2] / "adapters" / "rise_ros" / "rise_ros" / "robot_wrapper.py"
 DURATION = {"sec": 1, "nanosec": 500_000_000}
 
 
@@ -50,6 +52,13 @@ def message(name: str, action: str, parameters: dict[str, Any]) -> Any:
 
 def sent_type(carrier: ActionMapping) -> str:
     return f"{carrier.type}_Goal" if carrier.kind == "action" else carrier.type
+
+
+@pytest.mark.parametrize("action", [name for name, spec in core_actions().items() if not spec.engine])
+def test_each_action_of_a_robot_is_in_the_generic_profile_in_that_of_rise_and_in_the_wrapper(action: str) -> None:
+    assert PROFILES["generic"].actions[action].supported
+    assert action in mappings("rise")
+    assert f": {action},\n" in WRAPPER.read_text("utf-8")
 
 
 def test_what_is_shipped() -> None:
