@@ -146,13 +146,14 @@ class _Companion:
 
     async def run(self) -> None:
         """Run the companion, with restarts. Never raises: failures only become records."""
-        for _ in range(1 + self.lives.again):
+        for life in range(1 + self.lives.again):
+            if life:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self.finishing.wait(), self.lives.seconds)
             if self.finishing.is_set():
                 return
             self._said = b""
             await self._run_once()
-            with suppress(TimeoutError):
-                await asyncio.wait_for(self.finishing.wait(), self.lives.seconds)
 
     async def _run_once(self) -> None:
         try:
