@@ -21,6 +21,7 @@ from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
 from rise_tui.console.questions import END_KEY, END_PATIENCE, end_patience, engine_gone_dialog, exit_message
 from rise_tui.console.screen import ConsoleScreen
+from rise_tui.console.session import ConsoleSession
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
@@ -168,12 +169,9 @@ async def test_what_the_robot_may_still_be_doing_is_said_before_and_after_the_en
     ],
 )
 async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
-    way: str | signal.Signals, said: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    way: str | signal.Signals, said: str, code: int
 ) -> None:
-    (tmp_path / JOURNAL).touch()
-    looked: list[Path] = []
-    monkeypatch.setattr("rise_tui.console.session._gets_end", looked.append)
-    async with console(client=FakeClient(demo(), folder=str(tmp_path))) as it:
+    async with console() as it:
         if isinstance(way, signal.Signals):
             it.app._leave_by_signal(way)
         else:
@@ -181,7 +179,20 @@ async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
             await it.press(way)
         await it.until(lambda: it.client.closed == [False])
         await has_left(it, f"{said}detached: Demo study goes on; come back with: rise-tui", code)
-    assert looked == [], "nobody waits for the end of a record that goes on"
+
+
+async def test_a_console_that_has_left_does_not_wait_for_the_end_of_a_record_that_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The wait is in a thread, and a process cannot exit before its threads."""
+    (tmp_path / JOURNAL).touch()
+    looked: list[Path] = []
+    monkeypatch.setattr("rise_tui.console.session._gets_end", looked.append)
+    session = await ConsoleSession.attach(FakeClient(demo(), folder=str(tmp_path)), "anna")
+    receiving = asyncio.create_task(session.receive_records())
+    await session.close(end_session=False)
+    await receiving
+    assert looked == []
 
 
 @pytest.mark.parametrize("role", ["wizard", "observer"])
