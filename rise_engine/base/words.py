@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from rise_engine.base.errors import RiseError
 
-LEAST_CHARACTERS = 2
+MIN_CHARACTERS = 2
 _REPLACEMENT = re.compile(r"[A-Za-z0-9_]{1,40}")
 _MARKS = "\u0300-\u036f"
 """Combining marks, which turn a `u` into `ü` in Unicode's decomposed form."""
@@ -44,11 +44,9 @@ def parse_replacement(text: str) -> Replacement:
     word, name = unicodedata.normalize("NFC", " ".join(word.split())), name.strip()
     if not mark:
         raise WordError(f"{text!r} has no replacement; write --replace Maria=NAME1")
-    if len(word) < LEAST_CHARACTERS:
+    if len(word) < MIN_CHARACTERS:
         what = "there is no word before the `=`" if not word else f"{word!r} has one character only"
-        raise WordError(
-            f"{what}; a replaced word needs at least {LEAST_CHARACTERS}, because a shorter one is everywhere"
-        )
+        raise WordError(f"{what}; a replaced word needs at least {MIN_CHARACTERS}, because a shorter one is everywhere")
     if not any(character.isalnum() for character in word):
         raise WordError(f"{word!r} has no letter and no digit, so it cannot be anybody's name")
     if not _REPLACEMENT.fullmatch(name):
@@ -104,7 +102,7 @@ class Words:
         """Whether a text may end within one of the words, like a half-written line."""
         end = unicodedata.normalize("NFC", _HALF_ESCAPE.sub("", text)).casefold()
         words = [each.word.casefold() for each in self.replacements]
-        return any(end.endswith(word[:length]) for word in words for length in range(LEAST_CHARACTERS, len(word)))
+        return any(end.endswith(word[:length]) for word in words for length in range(MIN_CHARACTERS, len(word)))
 
     def mask(self, value: Any) -> Any:
         """Prepare a JSON value for comparison with one in which the words were replaced. Replaces them everywhere, also

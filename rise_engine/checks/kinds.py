@@ -36,7 +36,7 @@ from rise_engine.study.review import review_study
 
 KEPT = ".kinds.json"
 """The file of results in the study's folder; hidden, so that it is not published."""
-_MOST_KEPT = 200
+_MAX_KEPT = 200
 _EVERYWHERE = frozenset(
     {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
 )
@@ -179,7 +179,7 @@ def look_at_kinds(
             kept[key] = before[key] if key in before else _look(study, kind, scenario)
         looked.append((kind, kept[key]))
     if kept.keys() - before.keys():
-        newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MOST_KEPT])
+        newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MAX_KEPT])
         with suppress(OSError):  # results that cannot be stored are computed again
             write_whole(folder / KEPT, encode(_Kept(newest, _sum(newest))))
     found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])

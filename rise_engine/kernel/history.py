@@ -10,7 +10,7 @@ from msgspec import Struct, field
 
 MAX_STEPS = 50
 """The number of remembered states of a rule, including the present one."""
-LEAST_CHANGES = 256
+MIN_CHANGES = 256
 """The number of changes of the memory before unneeded ones are removed."""
 
 Steps: TypeAlias = list[tuple[str, int]]
@@ -33,7 +33,7 @@ class MemoryLog(Struct):
 
     changes: list[tuple[int, str, ValueBefore]] = field(default_factory=list)
     """The number of each change's record, the key, and its value before."""
-    limit: int = LEAST_CHANGES
+    limit: int = MIN_CHANGES
     """The number of changes before unneeded ones are removed."""
 
     def note(self, number: int, key: str, existed: bool, value: Any) -> None:
@@ -45,7 +45,7 @@ class MemoryLog(Struct):
         """Whether it is time to `trim`."""
         return len(self.changes) > self.limit
 
-    def trim(self, steps: Iterable[Iterable[tuple[str, int]]], least: int = LEAST_CHANGES) -> None:
+    def trim(self, steps: Iterable[Iterable[tuple[str, int]]], least: int = MIN_CHANGES) -> None:
         """Remove the changes that no step of any rule needs. The next trim comes after at least `least` changes."""
         marks = sorted({number for each in steps for _, number in each})
         needed: dict[tuple[int, str], tuple[int, str, ValueBefore]] = {}
@@ -53,7 +53,7 @@ class MemoryLog(Struct):
             if place := bisect_left(marks, change[0]):
                 needed.setdefault((place, change[1]), change)
         self.changes = list(needed.values())
-        self.limit = max(least, LEAST_CHANGES, 2 * len(self.changes))
+        self.limit = max(least, MIN_CHANGES, 2 * len(self.changes))
 
     def changed_since(self, number: int, memory: dict[str, Any]) -> dict[str, ValueBefore]:
         """The values that keys had at a record, if they differ now. Keys that changed first come first."""

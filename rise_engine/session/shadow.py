@@ -22,7 +22,7 @@ from rise_engine.kernel.records import Mark
 
 SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
-_MOST = 10_000
+_MAX_SHADOWS = 10_000
 _TYPED = frozenset({"say", "assignValue", "markCue"})
 """Tasks whose behaviour may be typed by a person."""
 NO_ANSWERS = frozenset(
@@ -214,7 +214,7 @@ class ShadowWriter:
         try:
             make_private_folder(folder / SHADOW_FOLDER)
             number = max((int(path.stem) for path in shadow_files(folder)), default=0)
-            while (number := number + 1) < _MOST:
+            while (number := number + 1) < _MAX_SHADOWS:
                 path = folder / SHADOW_FOLDER / f"{number}.jsonl"
                 try:
                     descriptor = disk.open(path, create=True)

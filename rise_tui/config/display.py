@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 ColorSystem: TypeAlias = Literal["truecolor", "256", "16", "mono"]
 
-MOST_FRAMES = 60
+MAX_FRAMES = 60
 USUAL_FRAMES = 15
 """Frames a second, enough for a screen that is not filmed. A key still shows immediately."""
 

@@ -63,7 +63,7 @@ def _xdg_folder(variable: str, usual: str) -> Path:
     return (Path(named) if Path(named).is_absolute() else expand_home(usual)) / "rise-tui"
 
 
-MOST_BYTES = 100_000
+MAX_BYTES = 100_000
 
 
 class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui console"):
@@ -104,7 +104,7 @@ def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
     try:
         if os.fstat(descriptor).st_uid != os.getuid():
             return kind(), _unused_text(path, "it belongs to another user")
-        return msgspec.json.decode(os.read(descriptor, MOST_BYTES), type=kind), ""
+        return msgspec.json.decode(os.read(descriptor, MAX_BYTES), type=kind), ""
     except (OSError, ValueError) as error:  # msgspec's errors are ValueErrors
         return kind(), _unused_text(path, f"it is not what a console writes ({error})")
     finally:

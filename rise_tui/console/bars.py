@@ -48,7 +48,7 @@ PAINTING_SHARE = 1 / 8
 LONGEST_PAUSE_SECONDS = 0.5
 """Maximum pause in seconds, whatever the last frame took: on a busy machine, other programs may have taken the time."""
 NOTICE_SECONDS = 12.0
-NOTICE_LEAST_SECONDS = 1.0
+NOTICE_MIN_SECONDS = 1.0
 """Minimum time in seconds that a notice stays, whatever the wizard presses."""
 TENTH_SECONDS = 0.1
 """Seconds between two updates of the time since the cue."""
@@ -218,11 +218,11 @@ class ConsoleBars:
         """
         store = self._store
         lost = store.control_lost is not None and self._control_lost_at
-        if lost and monotonic() - self._control_lost_at > NOTICE_LEAST_SECONDS:
+        if lost and monotonic() - self._control_lost_at > NOTICE_MIN_SECONDS:
             store.control_lost, self._control_lost_at = None, 0.0
             self.schedule({"status"})
         shown = self._notice is not None and self._notice is store.notice and self.notice_line.display
-        if shown and monotonic() - self._notice_at > NOTICE_LEAST_SECONDS:
+        if shown and monotonic() - self._notice_at > NOTICE_MIN_SECONDS:
             store.notice = None
             self.schedule({"notice"})
 

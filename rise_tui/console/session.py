@@ -27,7 +27,7 @@ RECORDS_PER_TURN = 64
 REATTACH_SECONDS = 0.5
 """Seconds between two attempts to attach again after the connection was cut."""
 
-RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
+RECLAIM_SECONDS, MAX_RECLAIMS = 0.1, 30
 """Seconds between attempts to reclaim control from the cut connection, and their number."""
 
 BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
@@ -126,7 +126,7 @@ class ConsoleSession:
         Not in a recovered session, where that would let acts begin.
         """
         store = self.store
-        for _ in range(MOST_RECLAIMS):
+        for _ in range(MAX_RECLAIMS):
             if not store.reclaims_control or store.cut_since is not None or store.has_control:
                 break
             if store.view.waits_for_wizard:

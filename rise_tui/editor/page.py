@@ -191,7 +191,7 @@ class EditPage(Vertical):
             return [FieldNote("error", clean(str(refused)))]
 
 
-LEAST_TITLE, MOST_TITLE = 8, 34
+MIN_TITLE, MAX_TITLE = 8, 34
 """Cells of the study's title, which gets the remaining space."""
 
 
@@ -210,7 +210,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
         unsaved = (f"● {pluralize(number, 'change')} unsaved ", "wait") if number else ("● not saved ", "wait")
     right: StyledLine = ((f"{busy} … ", "muted"), unsaved) if busy else (unsaved,)
     room = width - line_width(left) - line_width(right) - 3
-    title: StyledSpan = (f" {shorten(clean(draft.title), max(LEAST_TITLE, min(MOST_TITLE, room)))}", "strong")
+    title: StyledSpan = (f" {shorten(clean(draft.title), max(MIN_TITLE, min(MAX_TITLE, room)))}", "strong")
     return align_at_both_ends((title, *left), right, width)
 
 

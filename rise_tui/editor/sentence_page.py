@@ -24,7 +24,7 @@ from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 LABEL = 8
 """Cells before the typed text."""
-SAID, LEAST_ROWS = 2, 3
+SAID, MIN_ROWS = 2, 3
 """Rows for the remarks below the field, and the list's minimum rows."""
 
 
@@ -86,7 +86,7 @@ class SentenceField(TextArea, TakesText):
 class SentencePage(EditPage):
     """A list, the full value under the cursor below it, and the field that changes it."""
 
-    LEAST_DETAIL: ClassVar[int]
+    MIN_DETAIL: ClassVar[int]
     """Rows for the item under the cursor, if there is room."""
     DEFAULT_CSS = """
     SentencePage #head, SentencePage #parting { background: $rise-bar; }
@@ -141,7 +141,7 @@ class SentencePage(EditPage):
             self.field.styles.max_height = half
             height = min(len(lines), max(1, room - SAID - half))
         else:
-            height = max(1, min(max(self.LEAST_DETAIL, len(lines)), room - LEAST_ROWS))
+            height = max(1, min(max(self.MIN_DETAIL, len(lines)), room - MIN_ROWS))
         if self.detail.styles.height is None or self.detail.styles.height.value != height:
             self.detail.styles.height = height
         self.detail.show([ListRow(str(at), line, selectable=False) for at, line in enumerate(lines)])

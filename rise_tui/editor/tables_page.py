@@ -86,7 +86,7 @@ class TablesPage(SentencePage):
 
     KIND: ClassVar[str] = "tables"
     CAN_FILTER = True
-    LEAST_DETAIL = 4
+    MIN_DETAIL = 4
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         """`name`: the first place of the cursor, `tables/items.csv:3`; empty: the first row."""

@@ -50,7 +50,7 @@ class TextsPage(SentencePage):
     KIND: ClassVar[str] = "texts"
     CAN_FILTER = True
     EXPECTED = ("stale-translation", "untranslated")
-    LEAST_DETAIL = 6
+    MIN_DETAIL = 6
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name, RowList(id="texts"))

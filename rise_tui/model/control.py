@@ -98,7 +98,7 @@ KeyNames: TypeAlias = Callable[[str], str]
 """From the id of a console action to its key in a sentence: `ctrl+x`, `F9`."""
 
 
-MOST_NAMED = 5
+MAX_NAMED = 5
 """Maximum number of acts in the question about control."""
 
 
@@ -249,8 +249,8 @@ def control_question(
                 "The session was recovered. When you take control, it goes on",
                 "with everything that runs or waits:",
             ]
-            lines += [f"  {name}" for name in begins[:MOST_NAMED]] or ["  nothing at the moment"]
-            lines += [f"  and {len(begins) - MOST_NAMED} more"] if len(begins) > MOST_NAMED else []
+            lines += [f"  {name}" for name in begins[:MAX_NAMED]] or ["  nothing at the moment"]
+            lines += [f"  and {len(begins) - MAX_NAMED} more"] if len(begins) > MAX_NAMED else []
             lines += [f"If the robot should do none of that, stop everything first ({key_name('stop')})."]
         return lines, {"take": "Take it"}
     if not is_own and asker == own_name:

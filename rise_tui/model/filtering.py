@@ -5,7 +5,7 @@
 - `/...` or `re:...`: one regular expression; `!/...`: rows that it matches are hidden.
 
 A regular expression may never end on one row, and until then the console would not react to a key, not even stop. So
-`regex` runs it with a time limit, on at most MOST_CHARACTERS of a row. It must also be valid for Python's `re`, whose
+`regex` runs it with a time limit, on at most MAX_CHARACTERS of a row. It must also be valid for Python's `re`, whose
 errors are shown.
 """
 
@@ -22,12 +22,12 @@ import regex
 from rise_engine.base.errors import RiseError
 from rise_tui.rendering.text import ListRow, StyledLine, highlight_matches, plain_text
 
-MOST_CHARACTERS = 500
+MAX_CHARACTERS = 500
 """Characters of a row that a regular expression examines."""
 PATIENCE = 0.004
 """Seconds that a regular expression may take for one row."""
 TOO_LONG = "this regular expression takes too long; use fewer * and +"
-LEAST_LETTERS, MOST_LETTERS = 3, 40
+MIN_LETTERS, MAX_LETTERS = 3, 40
 """The length of a word that may omit letters. Nearly every row contains two given letters in order."""
 
 _PART = r"(?:(?<![^\W_])|(?-i:(?<=[a-z])(?=[A-Z])))"
@@ -95,7 +95,7 @@ class _Word:
     def __init__(self, word: str, *, loose: bool) -> None:
         flags = re.NOFLAG if any(letter.isupper() for letter in word) else re.IGNORECASE
         self._exact = re.compile(re.escape(word), flags)
-        short = not LEAST_LETTERS <= len(word) <= MOST_LETTERS
+        short = not MIN_LETTERS <= len(word) <= MAX_LETTERS
         self._loose = re.compile(_PART + "".join(_letter_patterns(word)), flags) if loose and not short else None
 
     def found_in(self, text: str) -> bool:
@@ -132,14 +132,12 @@ class _Expression:
     def found_in(self, text: str) -> bool:
         for _ in range(2):  # another process may have taken the time: try again
             with suppress(TimeoutError):
-                return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
+                return self._pattern.search(text, 0, MAX_CHARACTERS, timeout=PATIENCE) is not None
         raise InvalidFilter(TOO_LONG)
 
     def spans(self, text: str) -> Iterator[tuple[int, int]]:
         try:
-            yield from (
-                found.span() for found in self._pattern.finditer(text, 0, MOST_CHARACTERS, timeout=2 * PATIENCE)
-            )
+            yield from (found.span() for found in self._pattern.finditer(text, 0, MAX_CHARACTERS, timeout=2 * PATIENCE))
         except TimeoutError:
             raise InvalidFilter(TOO_LONG) from None
 

@@ -19,7 +19,7 @@ TITLE, TITLE_NARROW = 24, 16
 """Cells for the title of a key."""
 NARROW = 100
 TALL = 30
-MOST = 2
+MAX_LINES = 2
 
 
 class KeyStripPiece(NamedTuple):
@@ -43,7 +43,7 @@ def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: in
     every = [*keys.answer_keys, *keys.other_keys]
     if height >= TALL or not every:
         every += keys.act_keys
-    return 1 if len(_place_keys(every, width, 1)) == len(every) else MOST
+    return 1 if len(_place_keys(every, width, 1)) == len(every) else MAX_LINES
 
 
 def key_strip_lines(store: Store, width: int, rows: int) -> KeyStripLines:

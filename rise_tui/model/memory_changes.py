@@ -64,7 +64,7 @@ def with_removed(value: Any, path: JsonPath) -> Any:
     return with_replaced(value, path[:-1], copied)
 
 
-MOST = 200
+MAX_CHANGES = 200
 """Maximum number of remembered changes."""
 
 
@@ -97,7 +97,7 @@ class UndoStack:
             self._changes = [change for change in self._changes if change is not undoing]
             return
         self._changes.append(record)
-        del self._changes[:-MOST]
+        del self._changes[:-MAX_CHANGES]
 
     def clear(self) -> None:
         """Forget all changes. Changes made meanwhile are unknown, so nothing can be undone."""

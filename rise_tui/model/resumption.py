@@ -123,7 +123,7 @@ BACK, KEEP = "take back", "keep"
 GO_ON, STOP = "go on", "stop"
 ACTS = ""
 """The key for the rule's started acts, among the memory keys."""
-MOST_VALUE = 24
+MAX_VALUE = 24
 """Cells of a value."""
 
 
@@ -187,4 +187,4 @@ def step_behavior(step: BackStep, chosen: Mapping[str, str], *, enter: bool) -> 
 
 
 def _value_text(value: object) -> str:
-    return shorten(format_value(value), MOST_VALUE)
+    return shorten(format_value(value), MAX_VALUE)

@@ -33,12 +33,12 @@ GLYPH = 3
 """Cells before a sentence."""
 NOTE = 15
 """Cells at the end of the first line: `12.3 s left`, `said 12 min ago`."""
-MOST, MOST_TALL = 3, 4
+MAX_LINES, MAX_LINES_TALL = 3, 4
 """Lines for a sentence: in a terminal of less than TALL rows, and in others."""
 TALL = 30
 WIDEST = 130
 """Cells beyond which a sentence and its time would be too far apart to read together."""
-LEAST_SENTENCE = 20
+MIN_SENTENCE_WIDTH = 20
 """Minimum cells of a sentence beside other upcoming steps."""
 LABEL = " next  "
 GAP: StyledSpan = ("  ·  ", "muted")
@@ -55,7 +55,7 @@ LOOKS: dict[str, StyledSpan] = {
 
 def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
     """Lines for a sentence: at least two if there is room, so that a short sentence leaves one for the next."""
-    most = MOST_TALL if height >= TALL else MOST
+    most = MAX_LINES_TALL if height >= TALL else MAX_LINES
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
         return 1
@@ -175,7 +175,7 @@ class _Piece(NamedTuple):
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
     """The line about the next steps. `rest`: this act's next sentences, if they are not shown elsewhere."""
-    pieces = [_Piece(((_quote(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
+    pieces = [_Piece(((_quote(rest[0]), "plain"),), MIN_SENTENCE_WIDTH)] if rest else []
     room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 

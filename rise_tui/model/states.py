@@ -141,7 +141,7 @@ HERE, STATE = "here", "state"
 """The id prefixes of state rows, before a colon and the state's name: the present state, and the others."""
 FAR = 8
 """Rows. At a longer rail, the label also names the target, because its arrow may be out of view."""
-LEAST_NAME = 4
+MIN_NAME_WIDTH = 4
 """Cells of a state's name that are always shown."""
 INDENT = 2
 """Indentation in cells of transitions behind names, if a state and its transition down share a row."""
@@ -199,9 +199,9 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
     )
     room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
     words = "".join(f"  {mark}" for mark in (*marks, *row.notes))
-    if marks and row.edge is not None and cell_len(words) + LEAST_NAME > room:
+    if marks and row.edge is not None and cell_len(words) + MIN_NAME_WIDTH > room:
         words = "".join(f"  {mark}" for mark in marks)
-    name = shorten(row.state, max(LEAST_NAME, room - cell_len(words)))
+    name = shorten(row.state, max(MIN_NAME_WIDTH, room - cell_len(words)))
     role: TextRole = "accent" if "here" in marks else "plain"
     padding = " " * max(0, room - cell_len(name) - cell_len(words)) if row.edge is not None else ""
     return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]

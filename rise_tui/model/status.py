@@ -87,7 +87,7 @@ CUE, CUE_SHORT = 19, 12
 """Cells that the cue takes from the title: if everything else fits beside it, and otherwise."""
 NARROW = 80
 """Below this width no cells are kept for a cue."""
-LEAST_TITLE = 8
+MIN_TITLE = 8
 """Cells below which a title is useless."""
 USUAL = 100
 """From this width on the title keeps TITLE cells."""
@@ -128,7 +128,7 @@ def status_line(store: Store, width: int) -> StyledLine:
     cue = _cue_line(store, room - line_width(right)) if counts else ()
     participant = crop(participant, max(0, width - line_width(cue) - line_width(right) - 1))
     room = width - line_width(participant) - line_width(cue) - line_width(right) - 1
-    shown = crop(title, room) if room >= min(LEAST_TITLE, line_width(title)) else ()
+    shown = crop(title, room) if room >= min(MIN_TITLE, line_width(title)) else ()
     return align_at_both_ends((*participant, *shown), (*cue, *right), width)
 
 

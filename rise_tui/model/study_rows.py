@@ -108,7 +108,7 @@ STATE_WIDTH = 13
 NAME_WIDTH = 12
 """Maximum cells for a pseudonym."""
 NEXT = "→"
-LEAST_WHY = 12
+MIN_REASON = 12
 """Cells below which a reason is useless."""
 BAR = 12
 """Cells of the longest bar of the plan."""
@@ -143,7 +143,7 @@ def _participant_row(each: ParticipantStanding, next: str, width: int, columns: 
     if strata:
         spans += [("  ", "plain"), (strata, "muted")]
     room = width - sum(cell_width(text) for text, _ in spans) - 3
-    if each.why and room >= LEAST_WHY:
+    if each.why and room >= MIN_REASON:
         spans += [("  ", "plain"), (fit(each.why, room).rstrip(), state.role if state.role == "wait" else "muted")]
     full = f"{each.participant} {state.word} {strata} {each.why} {'next' if is_next else ''}"
     return ListRow(each.participant, crop(tuple(spans), width), full=full)

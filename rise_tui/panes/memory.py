@@ -41,9 +41,9 @@ from rise_tui.widgets.memory_editor import PresentValue, RowEditor
 
 ADD = "\0add"
 """The row that adds a key. Keyboards without Insert reach it with Enter."""
-LEAST_VALUE = 8
+MIN_VALUE = 8
 """Cells that a value keeps beside a long key."""
-MOST_PARTS = 200
+MAX_PARTS = 200
 """Parts of one value that are shown as rows."""
 
 
@@ -64,7 +64,7 @@ class MemoryColumns(NamedTuple):
         kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
         rest = width - kind - when - source - 4
-        key = min(26, max(10, rest // 2, min(longest, rest - LEAST_VALUE)))
+        key = min(26, max(10, rest // 2, min(longest, rest - MIN_VALUE)))
         return cls(key, rest - key, kind, source, when)
 
 
@@ -122,8 +122,8 @@ class MemoryPane(ListPane):
         if path not in self._unfolded:
             return
         for number, (step, inner) in enumerate(children(value)):
-            if number == MOST_PARTS:
-                more = f"{'  ' * len(path)}   and {len(value) - MOST_PARTS} more"
+            if number == MAX_PARTS:
+                more = f"{'  ' * len(path)}   and {len(value) - MAX_PARTS} more"
                 yield ListRow("", ((more, "muted"),), selectable=False)
                 return
             yield self._row((*path, step), inner, columns)

@@ -29,7 +29,7 @@ USUAL_SHARE = 0.6
 """The reasons have room for this share of a rule's states. Only the other states move the graph."""
 TINY_HEIGHT = 5
 """Rows up to which there is room for reasons only."""
-LEAST_GRAPH = 2
+MIN_GRAPH_ROWS = 2
 """Rows that the graph keeps in a small pane, where the reasons come first."""
 GAP_HEIGHT = 12
 """Rows of the pane from which an empty row separates the reasons from the graph."""
@@ -186,7 +186,7 @@ class RulePane(ListPane):
         room = self.size.height - 1
         gap = int(room > GAP_HEIGHT)
         need = max(self._usual_rows(rule), self.row_list.count)
-        share = (room - gap) * 3 // 5 if gap else room - LEAST_GRAPH * (room > TINY_HEIGHT)
+        share = (room - gap) * 3 // 5 if gap else room - MIN_GRAPH_ROWS * (room > TINY_HEIGHT)
         rows = max(1, min(need, share))
         if self.row_list.styles.height is None or self.row_list.styles.height.value != rows:
             self.row_list.styles.height = rows

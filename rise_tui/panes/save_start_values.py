@@ -22,7 +22,7 @@ from rise_tui.screens.dialog import Dialog, DialogChoice
 
 _SET_AT_START = ("condition", "study")
 """Sources of values that come from a condition or the study."""
-MOST_NAMED = 8
+MAX_NAMED = 8
 """Changes that the question lists."""
 
 
@@ -53,8 +53,8 @@ async def ask_to_save_start_values(pane: Pane) -> None:
         pane.host.show_notice("the memory is as it was at the start: nothing to save")
         return
     lines = ["Later sessions of this scenario begin with:"]
-    lines += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MOST_NAMED]]
-    lines += [f"  and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
+    lines += [f"  {plain_text(crop(((clean(line), 'plain'),), 56))}" for line in differing[:MAX_NAMED]]
+    lines += [f"  and {len(differing) - MAX_NAMED} more"] if len(differing) > MAX_NAMED else []
     lines += [
         "",
         f"Written into {path}; the rest of the file stays as it is.",

@@ -123,7 +123,7 @@ def repaint_everything(app: App[Any]) -> None:
 
 LOOK_SECONDS = 0.004
 """Seconds between two checks whether a screen has opened, or work is done."""
-MOST_LOOKS = 500
+MAX_CHECKS = 500
 """Maximum number of checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
 everything takes longer, and a key that did not wait would go to the wrong field."""
 ROUNDS = 3
@@ -164,7 +164,7 @@ class KeyQueue:
                 await self._pass_on(self._keys.popleft())
                 carried_out = asyncio.create_task(self._carried_out())
                 try:
-                    for _ in range(MOST_LOOKS):
+                    for _ in range(MAX_CHECKS):
                         if (await asyncio.wait([carried_out], timeout=LOOK_SECONDS))[0]:
                             carried_out.result()
                             break

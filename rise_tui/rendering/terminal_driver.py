@@ -167,9 +167,9 @@ class TerminalWriter:
     """Seconds without progress after which a stalled terminal is given up, once `hurry` was called."""
     POLL = 0.1
     """Seconds between two checks whether `hurry` was called."""
-    MOST_WAITING = 12
+    MAX_WAITING = 12
     """Maximum number of waiting writes before frames are skipped."""
-    MOST_CHARACTERS = 8192
+    MAX_CHARACTERS = 8192
     """Maximum number of waiting characters before frames are skipped."""
 
     def __init__(self, file: TextIO) -> None:
@@ -189,8 +189,8 @@ class TerminalWriter:
     def is_behind(self) -> bool:
         """Whether the terminal has not yet accepted earlier writes."""
         return (
-            self._queued_writes - self._done_writes > self.MOST_WAITING
-            or self._queued_characters - self._done_characters > self.MOST_CHARACTERS
+            self._queued_writes - self._done_writes > self.MAX_WAITING
+            or self._queued_characters - self._done_characters > self.MAX_CHARACTERS
         )
 
     def hurry(self) -> None:

@@ -18,13 +18,13 @@ from rise_tui.screens.dialog import SingleDismissModal
 from rise_tui.widgets.lines import StaticLines
 
 REFRESH_SECONDS = 0.5
-LEAST_SIZE = (70, 20)
+MIN_SIZE = (70, 20)
 """Columns and rows below which nothing is readable."""
 
 
 def is_too_small(width: int, height: int) -> bool:
     """Whether a terminal is too small for a console."""
-    return width < LEAST_SIZE[0] or height < LEAST_SIZE[1]
+    return width < MIN_SIZE[0] or height < MIN_SIZE[1]
 
 
 def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
@@ -33,7 +33,7 @@ def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
     head: list[StyledLine] = [crop(alarms[0].head, size.width)] if alarms else []
     stop, leave = key_name("stop"), key_name("quit")
     sentences = [
-        f"This window has {size.width} x {size.height} cells; the console needs {LEAST_SIZE[0]} x {LEAST_SIZE[1]}.",
+        f"This window has {size.width} x {size.height} cells; the console needs {MIN_SIZE[0]} x {MIN_SIZE[1]}.",
         f"{stop} stops everything, {leave} leaves. No other key works here.",
         f"{'The session goes on. ' if store is not None else ''}Make the window larger or the font smaller.",
     ]

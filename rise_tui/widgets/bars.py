@@ -263,7 +263,7 @@ class KeyStrip(StoreLines):
                     host.action_do("help")
 
 
-LEAST_ROWS = 5
+MIN_ROWS = 5
 """Lines for a failed act on the smallest terminal: the act, the reason, two for unspoken text, the keys."""
 ROW_SHARE = 4
 """A failed act takes at most one row of this many: the band above also has its first sentence, and panes stay
@@ -361,7 +361,7 @@ class FailureBar(StoreLines):
 
     def draw(self) -> None:
         width, height = self.app.size
-        rows = max(LEAST_ROWS, height // ROW_SHARE)
+        rows = max(MIN_ROWS, height // ROW_SHARE)
         shown = failures.failure_lines(self.store, self.size.width or width, rows, key_name)
         self.set_class(bool(shown), "-on")
         self.styles.height = max(1, len(shown))

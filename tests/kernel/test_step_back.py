@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rise_engine.kernel.history import LEAST_CHANGES, MAX_STEPS, MemoryLog, ValueBefore
+from rise_engine.kernel.history import MAX_STEPS, MIN_CHANGES, MemoryLog, ValueBefore
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from tests.chance import examples
@@ -154,16 +154,16 @@ def test_after_a_stop_the_steps_from_before_are_known(s: Session) -> None:
 def test_so_many_steps_are_kept_and_not_more(tmp_path: Path) -> None:
     s = session(tmp_path, rule("R", state("a", "", on("/x", "b")), state("b", "", on("/x", "a"))), ACTS, {"n": 0})
     s.rule("R")
-    for number in range(LEAST_CHANGES + 100):
+    for number in range(MIN_CHANGES + 100):
         s.assign(f"n = {number}")
         s.event("x")
-    assert len(s.kernel.core.memory_log.changes) <= LEAST_CHANGES + 1
+    assert len(s.kernel.core.memory_log.changes) <= MIN_CHANGES + 1
     offered(s)
     done = 0
     while back(s, enter=False, take_back=["n"]).status == "SUCCEEDED":
         done += 1
     assert done == MAX_STEPS - 1
-    assert s.memory["n"] == LEAST_CHANGES + 100 - MAX_STEPS
+    assert s.memory["n"] == MIN_CHANGES + 100 - MAX_STEPS
 
 
 # --- the log of the memory ---

@@ -12,7 +12,7 @@ from lxml import etree
 Edit: TypeAlias = dict[str, Any]
 _TRIGGERS = ("eventTopic", "after", "cond", "while", "target")
 _FORM = {"eventTopic": "event", "cond": "condition", "while": "held"}
-_MOST = 2
+_MAX_EDITS = 2
 """How many of a file's acts, and of a rule's states, are edited."""
 
 
@@ -31,7 +31,7 @@ def _named(path: Path, tag: str, attribute: str) -> list[Any]:
 
 
 def _some(found: list[Any], make: Callable[[Any], Iterator[Edit]]) -> Iterator[Edit]:
-    for each in found[:: max(1, len(found) // _MOST)][:_MOST]:
+    for each in found[:: max(1, len(found) // _MAX_EDITS)][:_MAX_EDITS]:
         yield from make(each)
 
 

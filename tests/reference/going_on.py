@@ -13,7 +13,7 @@ from .rules import Run
 from .session import Session
 from .tasks import STARTS_RULE, Refused, Task
 
-MOST_STATES = 50
+MAX_STATES = 50
 Past = list[tuple[str, dict[str, Any]]]
 """States that a rule has entered, the latest last, and what the memory was then."""
 
@@ -42,7 +42,7 @@ class GoingOn:
         """A rule has entered a state."""
         past = self.pasts.setdefault(run, [])
         past.append((run.state.id, copy.deepcopy(self.session.memory.values)))
-        del past[:-MOST_STATES]
+        del past[:-MAX_STATES]
 
     # --- after a stop ---
 

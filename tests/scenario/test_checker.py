@@ -139,7 +139,7 @@ def test_what_is_not_held_is_read_from_the_disk_each_time(tmp_path: Path) -> Non
 
 
 def test_what_is_not_needed_is_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(source_files, "_MOST_EXPRESSIONS", 10)
+    monkeypatch.setattr(source_files, "_MAX_EXPRESSIONS", 10)
     checker = ScenarioChecker(folder(tmp_path, {"rules/r.xml": in_state("")}))
     for n in range(100):
         held = {"rules/r.xml": in_state(f'<function assignValue="n = {n}"/>').encode()}

@@ -27,11 +27,11 @@ from rise_engine.scenario.speech.ssml import plain_words
 PieceRole: TypeAlias = Literal["name", "label", "note"]
 FAR = 8
 """Rows of a rail beyond which the label also names the target."""
-LEAST_NAME = 4
+MIN_NAME_WIDTH = 4
 """Minimum cells of a state's name that stay visible."""
 INDENT = 2
 """Cells of indentation for transitions behind names, if a state and its transition down share a row."""
-MOST_LINES = 8
+MAX_LINES = 8
 """Maximum number of lines side by side in an act."""
 
 
@@ -76,7 +76,7 @@ def _state_row(layout: GraphLayout, row: GraphRow) -> PictureRow:
         column += 2
         room = layout.names if layout.names and row.edge is not None else layout.width - column
         words = "".join(f"  {note}" for note in row.notes)
-        name = shorten_to(row.state, max(LEAST_NAME, room - cell_length(words)))
+        name = shorten_to(row.state, max(MIN_NAME_WIDTH, room - cell_length(words)))
         pieces.append(Piece(column, name, "name"))
         if words:
             pieces.append(Piece(column + cell_length(name) + 2, words[2:], "note"))
@@ -114,7 +114,7 @@ def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
 
 def picture_of_act(act: Act, width: int) -> Picture:
     """Draw an act with the order of its actions."""
-    rows = act_rows(act, MOST_LINES)
+    rows = act_rows(act, MAX_LINES)
     ids = max((cell_length(action.id) for action in act.actions), default=0)
     types = max((cell_length(_types_text(action)) for action in act.actions), default=0)
     drawn = tuple(_action_row(act.actions[row.position], row, ids, types, width) for row in rows)

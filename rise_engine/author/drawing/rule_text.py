@@ -129,7 +129,7 @@ ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "
 ENDING_VERBS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
-MOST_PARTS = 20
+MAX_PARTS = 20
 """Maximum number of parts of a value that are shown; above, only their number is."""
 
 
@@ -145,7 +145,7 @@ class Truth(NamedTuple):
 
 def _short_value(value: Any) -> str:
     """Format a value that is shown beside others; for a long list or object, give its size."""
-    if isinstance(value, list | dict) and len(value) > MOST_PARTS:
+    if isinstance(value, list | dict) and len(value) > MAX_PARTS:
         return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
     return format_value(value)
 

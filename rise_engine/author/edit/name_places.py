@@ -145,7 +145,7 @@ _COMMENTS = {
     ".md": re.compile(r".+"),
     ".txt": re.compile(r".+"),
 }
-_MOST = 10
+_MAX_COMMENTS = 10
 """Maximum number of comments that are listed one by one."""
 
 
@@ -173,6 +173,6 @@ def comments_with(name: str, files: Files, splices: list[Splice]) -> Iterator[st
                     what = "the text" if file.endswith((".md", ".txt")) else "the comment"
                     found.append(f"{what} in {file}, line {text.line(place.start())}, still has `{name}`")
     unique = list(dict.fromkeys(found))
-    yield from unique[:_MOST]
-    if len(unique) > _MOST:
-        yield f"and {len(unique) - _MOST} more comments still have `{name}`"
+    yield from unique[:_MAX_COMMENTS]
+    if len(unique) > _MAX_COMMENTS:
+        yield f"and {len(unique) - _MAX_COMMENTS} more comments still have `{name}`"

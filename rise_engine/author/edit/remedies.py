@@ -47,7 +47,7 @@ from rise_engine.syntax.toml import KeyPath, toml_path_at
 _NO_LETTER = re.compile(r"[^\w.]+")
 _LABEL = re.compile(r"""[^\r\n]*?label\s*=\s*["']([^"'\r\n]*)""")
 _FIRST_STATE = "Start"
-_MOST_KEYS = 2
+_MAX_KEYS = 2
 """Maximum number of free keys that are offered."""
 _START_VALUES: tuple[bool | int | str, ...] = (0, False, "")
 
@@ -235,7 +235,7 @@ def _take_free_key(place: FindingPlace) -> Iterator[Remedy]:
     path = _toml_path(place)
     if path is None or len(path) != 2 or path[0] != "keys":
         return
-    for key in _free_keys(place)[:_MOST_KEYS]:
+    for key in _free_keys(place)[:_MAX_KEYS]:
         yield Remedy(f"use the key {key} instead", RenameSetting(path, key))
 
 

@@ -32,7 +32,7 @@ from rise_engine.scenario.reading.act_settings import ActTables, read_act_tables
 from rise_engine.scenario.reading.memory import is_writable_key
 from rise_engine.syntax.toml import toml_key
 
-_MOST_SHOWN = 5
+_MAX_SHOWN = 5
 _KINDS = {"act": "the act", "rule": "the rule", "state": "the state", "event": "the event", "key": "the memory key"}
 _CONSTANTS = ("pi", "e", "r2d", "d2r")
 
@@ -124,9 +124,9 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
                 named[place] += 1
     problems = list(dict.fromkeys(problems))
     if problems:
-        more = f", and in {len(problems) - _MOST_SHOWN} more" if len(problems) > _MOST_SHOWN else ""
+        more = f", and in {len(problems) - _MAX_SHOWN} more" if len(problems) > _MAX_SHOWN else ""
         raise EditRefused(
-            f"{names.what} cannot be renamed from here; change it by hand: " + "; ".join(problems[:_MOST_SHOWN]) + more
+            f"{names.what} cannot be renamed from here; change it by hand: " + "; ".join(problems[:_MAX_SHOWN]) + more
         )
     _check_shared(names, found, places)
     _check_templates(names, named, study)

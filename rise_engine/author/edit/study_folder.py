@@ -47,7 +47,7 @@ from rise_engine.scenario.files.tree import (
 )
 from rise_engine.scenario.shipped_studies import shipped_name
 
-_MOST_FILES = 5_000
+_MAX_FILES = 5_000
 
 
 def read_study_files(folder: Path) -> Files:
@@ -61,8 +61,8 @@ def read_study_files(folder: Path) -> Files:
             with suppress(FileNotFoundError):  # deleted since it was listed, like the temporary files of other editors
                 if path.stat().st_size <= MAX_BYTES:
                     files[path.relative_to(folder).as_posix()] = path.read_bytes()
-            if len(files) > _MOST_FILES:
-                raise EditRefused(f"{folder} has more than {_MOST_FILES:,} files; is it the folder of one study?")
+            if len(files) > _MAX_FILES:
+                raise EditRefused(f"{folder} has more than {_MAX_FILES:,} files; is it the folder of one study?")
         for name, data in contents_of_interrupted_save(folder).items():
             if data is None:
                 files.pop(name, None)

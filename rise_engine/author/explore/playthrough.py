@@ -18,11 +18,11 @@ from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import ActionRecord, TaskRecord
 from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation
 
-MOST_SESSIONS = 12
+MAX_SESSIONS = 12
 """Maximum number of plays from the start; each has another seed and takes the transitions least taken so far."""
 IN_VAIN = 3
 """Number of consecutive sessions without a new act after which it stops."""
-MOST_STEPS = 300
+MAX_STEPS = 300
 """Maximum number of steps in a session: actions of a person, and waits for an event."""
 
 
@@ -66,7 +66,7 @@ def play_through(
     """
     player = _Player(scenario, started, end, go_on)
     in_vain, is_complete = 0, True
-    for seed in range(1, MOST_SESSIONS + 1):
+    for seed in range(1, MAX_SESSIONS + 1):
         known = len(player.acts)
         player.play(seed)
         in_vain = 0 if len(player.acts) > known else in_vain + 1
@@ -96,7 +96,7 @@ class _Player:
         trial = Trial(self._scenario, seed=seed, started=self._started)
         self._begin(trial)
         was_running = False
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             rules = trial.view.running_rules()
             if was_running and self._end not in rules:
                 self.ended = True

@@ -17,7 +17,7 @@ Number: TypeAlias = int
 """The number of a situation, in the order of discovery."""
 GROWTHS = 3
 """How often a situation's times grow before growing bounds become as large as possible."""
-MOST_KEPT = 20
+MAX_KEPT = 20
 """Maximum number of recorded steps for each act that would have waited once more."""
 MAX_GROWTHS = 20
 """How often they grow before they become all possible times."""
@@ -131,7 +131,7 @@ class Space:
 
     def _keep_beyond_step(self, number: Number, step: FollowedMove) -> None:
         last = step.situation.waiting[-1]
-        if self._kept_steps[last.name, last.source] < MOST_KEPT:
+        if self._kept_steps[last.name, last.source] < MAX_KEPT:
             self._kept_steps[last.name, last.source] += 1
             self.beyond_steps.append((number, step.move, step.situation))
 

@@ -108,7 +108,7 @@ def _reading(written: str) -> Iterator[str]:
 _ELEMENT = re.compile(r"</?([\w.:-]+)")
 _CONDITION = re.compile(r"""\s(?:cond|while)\s*=\s*(?:"([^"<]*)"|'([^'<]*)')""")
 _ENTITIES = {"&lt;": "<", "&gt;": ">", "&quot;": '"', "&apos;": "'", "&amp;": "&"}
-_MOST_TEXTS, _LONGEST = 4, 200
+_MAX_TEXTS, _LONGEST = 4, 200
 
 
 def hover_text(study: ServedStudy, name: str, offset: int) -> str:
@@ -140,7 +140,7 @@ def _of_use(study: ServedStudy, use: Use) -> str:
         lines[0] += f", {pluralize(len(act.actions), 'action')}"
         calls = [call for action in act.actions for call in action.calls]
         texts = [call.parameters["message"].text for call in calls if "message" in call.parameters]
-        lines += [f"> {text[:_LONGEST]}" for text in texts[:_MOST_TEXTS]]
+        lines += [f"> {text[:_LONGEST]}" for text in texts[:_MAX_TEXTS]]
     elif use.kind == "rule" and (rule := draft.rules.get(use.name)) is not None:
         lines[0] += f", {pluralize(len(rule.states), 'state')}, begins in {rule.initial}"
     elif use.kind == "key" and use.name in draft.memory:

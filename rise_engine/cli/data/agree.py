@@ -140,7 +140,7 @@ def _formatted(report: AgreementReport, form: Form) -> bytes:
 WIDTH = 100
 VALUES = 44
 """The column where values begin."""
-MOST_CELLS = 12
+MAX_CELLS = 12
 """Maximum number of disagreements listed for a pair."""
 COLUMNS = (
     "session",
@@ -268,10 +268,10 @@ def _pair(pair: PairStatistics) -> Iterator[str]:
 
 def _disagreements(pair: PairStatistics) -> Iterator[str]:
     differing = [cell for cell in pair.confusion if cell.first != cell.second]
-    for cell in differing[:MOST_CELLS]:
+    for cell in differing[:MAX_CELLS]:
         yield f"      {cell.count} x  {pair.first}: {cell.first}   {pair.second}: {cell.second}"
-    if len(differing) > MOST_CELLS:
-        yield f"      and {len(differing) - MOST_CELLS} other kinds of disagreement (--format json has them all)"
+    if len(differing) > MAX_CELLS:
+        yield f"      and {len(differing) - MAX_CELLS} other kinds of disagreement (--format json has them all)"
 
 
 def _marks(report: AgreementReport) -> Iterator[str]:

@@ -29,7 +29,7 @@ Named = TypeVar("Named", Act, Rule)
 FORMATS = ("text", "svg", "mermaid")
 WIDTH = 100
 """Default number of cells of a drawing."""
-LEAST_WIDTH, MOST_WIDTH = 40, 400
+MIN_WIDTH, MAX_WIDTH = 40, 400
 
 
 def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: bool = False) -> str:
@@ -84,7 +84,7 @@ def _drawn(scenario: Scenario, acts: Sequence[Act], rules: Sequence[Rule], forma
 )
 @click.option(
     "--width",
-    type=click.IntRange(LEAST_WIDTH, MOST_WIDTH),
+    type=click.IntRange(MIN_WIDTH, MAX_WIDTH),
     default=None,
     help=f"Limit text and SVG to this many characters. Default: the terminal's width, or {WIDTH}.",
 )
@@ -98,7 +98,7 @@ def graph(folder: str, name: str, format: str, act: bool, width: int | None, out
     scenario = sound_scenario(load(folder))
     if width is None:
         fits_terminal = output is None and format == "text" and sys.stdout.isatty()
-        width = max(LEAST_WIDTH, min(shutil.get_terminal_size().columns, MOST_WIDTH)) if fits_terminal else WIDTH
+        width = max(MIN_WIDTH, min(shutil.get_terminal_size().columns, MAX_WIDTH)) if fits_terminal else WIDTH
     text = graph_text(scenario, name, format, width, act=act)
     if output is None:
         print(text, end="")

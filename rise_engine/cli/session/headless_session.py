@@ -26,7 +26,7 @@ from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goal
 from rise_engine.ports.bridge import Bridge
 from rise_engine.run.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.run.engine.drivers import make_robot, open_bridge, robot_warnings
-from rise_engine.run.engine.engine import MOST_LATE_SECONDS, Engine
+from rise_engine.run.engine.engine import MAX_LATE_SECONDS, Engine
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, start_remarks
 from rise_engine.run.protocol.task_file import TaskFileReader, TimedTask, warning_for_task
@@ -192,7 +192,7 @@ class _HeadlessSession:
     def _submit_due(self, at: float) -> None:
         late = (self.engine.clock.now() - at) / self.engine.clock.speed
         # Without a standstill, a session that should run a thousand times as fast is only slow.
-        is_too_late = late > MOST_LATE_SECONDS and self.may_be_old()
+        is_too_late = late > MAX_LATE_SECONDS and self.may_be_old()
         why_not = f"it was due {late:.0f} s ago" if is_too_late else ""
         for task in self._due.pop(at):
             self._submit(task, why_not)

@@ -280,7 +280,7 @@ FEW = 30
 
 
 NO_TIMES = "there is no cue to which all of them did something"
-LEAST_TIMED = 3
+MIN_TIMED = 3
 """With fewer units, an ICC is arbitrary."""
 
 
@@ -412,8 +412,8 @@ def _pair(
 def _icc(rows: Sequence[Sequence[float]]) -> Estimate:
     if not rows:
         return Estimate(why=NO_TIMES)
-    if len(rows) < LEAST_TIMED:
-        return Estimate(n=len(rows), why=f"it needs {LEAST_TIMED} cues to which all of them did something")
+    if len(rows) < MIN_TIMED:
+        return Estimate(n=len(rows), why=f"it needs {MIN_TIMED} cues to which all of them did something")
     return icc_a1(rows)
 
 

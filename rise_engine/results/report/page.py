@@ -211,7 +211,7 @@ def _anchor(title: str) -> str:
 
 WIDTH = 80
 _GAP = 2
-_LEAST = 6
+_MIN_WIDTH = 6
 """The minimum width to which columns are narrowed, in characters."""
 
 
@@ -298,7 +298,7 @@ def _column_widths(rows: list[list[str]], width: int) -> tuple[list[int], int]:
     words = [max((cells_wide(word) for row in rows for word in row[at].split()), default=1) for at in columns]
     gap = _GAP
     while sum(widths) + gap * (len(widths) - 1) > width:
-        spare = [at for at in columns if widths[at] > max(words[at], _LEAST)]
+        spare = [at for at in columns if widths[at] > max(words[at], _MIN_WIDTH)]
         if spare:
             widths[max(spare, key=lambda at: widths[at])] -= 1
         elif gap > 1:

@@ -58,7 +58,7 @@ from rise_engine.study.labels import refuse_relabelled
 
 BATCH = 500
 """Maximum number of records in one batch, so that a console can paint in between."""
-LEAST_WAIT = 0.001
+MIN_WAIT = 0.001
 """In seconds: the shortest wait that a clock can measure."""
 _ABOUT_CUES = frozenset({"markCue", "undoCue"})
 _PEOPLE = ("wizard:", "observer:")
@@ -197,7 +197,7 @@ class ShadowClient:
                 return
             wait = None
             if not self._paused and self._next < len(self._records):
-                wait = max(LEAST_WAIT, (self._records[self._next].t - self.now()) / self._speed)
+                wait = max(MIN_WAIT, (self._records[self._next].t - self.now()) / self._speed)
             try:
                 await asyncio.wait_for(self._wake.wait(), wait)
             except TimeoutError:

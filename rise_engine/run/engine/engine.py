@@ -56,7 +56,7 @@ _LOG = logging.getLogger(__name__)
 LAG_SHOWN_FROM = 0.5
 """Seconds of the disk's lag above which clients get a status."""
 
-MOST_LATE_SECONDS = 5.0
+MAX_LATE_SECONDS = 5.0
 """Maximum seconds from an action's step to its start. After that, nobody expects it and it does not begin."""
 
 END_SECONDS = 6.0
@@ -506,7 +506,7 @@ class Engine:
     def _drop_late(self, steps: Iterable[_UnrecordedStep]) -> None:
         """Drop the starts of steps that were recorded too late, and the tasks that these steps added to the queue.
         Tasks that wait behind a dropped Blocking act are cancelled, too."""
-        late = [step for step in steps if self._age(step) > MOST_LATE_SECONDS]
+        late = [step for step in steps if self._age(step) > MAX_LATE_SECONDS]
         if not late:
             return
         starts = [(start, self._age(step)) for step in late for start in step.starts]
@@ -546,7 +546,7 @@ class Engine:
         """Note afterwards that nothing could be recorded for a while, because no reply was possible then."""
         now = self.clock.now()
         # A failing disk shows a shorter lag first. Without one, the engine itself stood still, and notes that.
-        if journal.error or (journal.lag > MOST_LATE_SECONDS and self.journal_status.behind):
+        if journal.error or (journal.lag > MAX_LATE_SECONDS and self.journal_status.behind):
             if self._delayed_from is None:
                 self._delayed_from = now - journal.lag * self.clock.speed
         elif self._delayed_from is not None:

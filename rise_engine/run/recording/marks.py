@@ -32,7 +32,7 @@ PLAYERS: tuple[tuple[str, ...], ...] = (
 """Commands of programs that play a sound. First come those that wait until it was played."""
 PLAY_SECONDS = 3.5
 """Maximum duration of giving a mark; the sound itself takes 1.2 s."""
-LEAST_WITHIN = 0.02
+MIN_WITHIN = 0.02
 """Minimum error in seconds: no player knows the start of the sound more exactly."""
 EARLY_SECONDS = 0.25
 """Maximum time before the end of the sound at which a player may exit: the rest is in the card's buffer."""
@@ -123,7 +123,7 @@ def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
     latest = max(played.begun, played.ended - SOUND_SECONDS)
     middle, half = (played.begun + latest) / 2, (latest - played.begun) / 2
     at = session.now() - (monotonic() - middle - LEAD_SECONDS) * speed
-    return GivenMark(number, round(at, 4), round(max(half, LEAST_WITHIN) * speed, 4))
+    return GivenMark(number, round(at, 4), round(max(half, MIN_WITHIN) * speed, 4))
 
 
 async def _play_with_one_of(commands: Sequence[Sequence[str]], number: int) -> tuple[str, _Played | None]:

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 
 BELIEVED = 3.0
 """Minimum ratio of a mark to the best match elsewhere in the file."""
-_LEAST = 0.15
+_MIN_COEFFICIENT = 0.15
 """Minimum coefficient of a mark, however quiet the file is."""
-MOST = 200
+MAX_MARKS = 200
 """Maximum number of marks in one file. A camera that runs for a whole day records those of all sessions."""
 _FEW, _SHARE = 4, 0.1
 """Maximum number of marks in a short file, and maximum share of the time in a longer one."""
@@ -156,15 +156,15 @@ class _Matcher:
 def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
     """Select the matches that are stronger than all others. After the maximum number of marks, the others begin."""
     places = max((at for _, at, _ in best), default=0.0) / _APART_SECONDS
-    most = min(MOST, max(_FEW, int(places * _SHARE)))
+    most = min(MAX_MARKS, max(_FEW, int(places * _SHARE)))
     apart: list[tuple[float, float, Sweep]] = []
     for match in sorted(best, reverse=True):
         if len(apart) > most:
             break
         if all(abs(match[1] - each[1]) >= _APART_SECONDS for each in apart):
             apart.append(match)
-    floor = max(apart[most][0] if len(apart) > most else 0.0, _LEAST / 100)
-    least = max(_LEAST, BELIEVED * floor)
+    floor = max(apart[most][0] if len(apart) > most else 0.0, _MIN_COEFFICIENT / 100)
+    least = max(_MIN_COEFFICIENT, BELIEVED * floor)
     heard = [HeardMark(sweep, at, round(quality / floor, 2)) for quality, at, sweep in apart[:most] if quality >= least]
     return sorted(heard, key=lambda mark: mark.at)
 

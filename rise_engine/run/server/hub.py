@@ -39,7 +39,7 @@ STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopR
 STANDSTILL_SECONDS = 5.0
 """After a longer standstill of this process, earlier requests start nothing. It is noted, for durations in the
 record."""
-MOST_BEHIND_SECONDS = 2.0
+MAX_BEHIND_SECONDS = 2.0
 """While the disk has recorded nothing for longer, nothing starts, because people would repeat their requests."""
 SUSPENDED_SECONDS = 1.0
 """The same after a longer suspension of the computer. Session time stood still then."""
@@ -324,7 +324,7 @@ class SessionHub:
         """Return why clients may not start anything now; empty: they may."""
         if self.may_be_old():
             return f"{MAY_BE_OLD}: ask again"
-        if (behind := self.engine.journal_status.behind) > MOST_BEHIND_SECONDS:
+        if (behind := self.engine.journal_status.behind) > MAX_BEHIND_SECONDS:
             return f"the disk has not recorded anything for {behind:.0f} s: ask again once it records again"
         return ""
 

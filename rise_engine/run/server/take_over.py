@@ -14,7 +14,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import read_info, spoken_as
 from rise_engine.session.scenario_copies import remove_copy, write_copy
 
-MOST_ERRORS = 3
+MAX_ERRORS = 3
 """Maximum number of errors in an answer; `rise-engine check` lists them all."""
 
 
@@ -89,5 +89,5 @@ class ScenarioTakeover:
 
 def _errors_text(loaded: LoadResult) -> str:
     errors = loaded.errors
-    more = f", and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
-    return f"the changed files have errors: {'; '.join(map(str, errors[:MOST_ERRORS]))}{more}"
+    more = f", and {len(errors) - MAX_ERRORS} more" if len(errors) > MAX_ERRORS else ""
+    return f"the changed files have errors: {'; '.join(map(str, errors[:MAX_ERRORS]))}{more}"

@@ -189,7 +189,7 @@ def session_problem(draft: ScenarioDraft, key: str) -> str:
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-_MOST = 1_000
+_MAX_ENTRIES = 1_000
 """Maximum number of entries that an unknown index may address. With more, nothing is proved."""
 _ANY = object()
 """An index that is only known during a session."""
@@ -364,7 +364,7 @@ def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
     holders = [start]
     for count, step in enumerate(steps):
         found: list[Json] = []
-        if step is _ANY and sum(len(holder) for holder in holders if isinstance(holder, list | dict)) > _MOST:
+        if step is _ANY and sum(len(holder) for holder in holders if isinstance(holder, list | dict)) > _MAX_ENTRIES:
             return ""
         for holder in holders:
             if step is _ANY:

@@ -23,7 +23,7 @@ from rise_engine.scenario.model import SourceLocation
 Value = TypeVar("Value")
 _ROUNDS = 16
 """Number of checks without a use after which a result is removed. An undo, or a preview of an edit, still finds it."""
-_MOST_EXPRESSIONS = 20_000
+_MAX_EXPRESSIONS = 20_000
 
 
 class Memo:
@@ -86,7 +86,7 @@ class Memo:
         """Remove results that have not been used for long."""
         self._kept = {key: kept for key, kept in self._kept.items() if self._round - kept[1][0] < _ROUNDS}
         self._round += 1
-        if len(self.expressions) + len(self.assignments) > _MOST_EXPRESSIONS:
+        if len(self.expressions) + len(self.assignments) > _MAX_EXPRESSIONS:
             self.expressions.clear()
             self.assignments.clear()
 

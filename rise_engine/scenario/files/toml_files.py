@@ -28,9 +28,9 @@ _TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORE
 _DOTTED = re.compile(rf"(?:{KEY_PART.pattern})(?:\s*\.\s*(?:{KEY_PART.pattern}))*")
 _BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 """One character of a text in double quotation marks."""
-_MOST_MISTAKES = 20
+_MAX_MISTAKES = 20
 """Number of wrong lines after which a file is given up."""
-_MOST_READ = 2_000_000
+_MAX_READ = 2_000_000
 """Maximum characters that are read to skip wrong lines of a file."""
 _LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
 """A key of more than 64 parts, for which the standard library takes quadratic time."""
@@ -81,7 +81,7 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
     if (long := _LONG_KEY.search(text)) is not None:
         diagnostics.error("toml-syntax", source.location(long.start()), "this key has more than 64 parts")
         return None
-    for attempt in range(min(_MOST_MISTAKES, 1 + _MOST_READ // (len(text) + 1))):
+    for attempt in range(min(_MAX_MISTAKES, 1 + _MAX_READ // (len(text) + 1))):
         try:
             values = tomllib.loads(text)
         except RecursionError:

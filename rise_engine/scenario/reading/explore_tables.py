@@ -49,7 +49,7 @@ EVENTUALLY_KEYS = {
     "unless": "what makes it unnecessary",
 }
 """The meaning of each part of an entry of `[eventually]`, for editors."""
-MOST_AT_ONCE = 5
+MAX_AT_ONCE = 5
 """The limit for faults, waiting acts and parallel acts. Each more multiplies the situations by ten."""
 MAX_PACE = 1_000.0
 _PACE_FORM = 'pace = [0.5, 3.0], or pace = "any"'
@@ -88,8 +88,8 @@ def _read_count(table: TomlTable, key: str, usual: int) -> int:
     value = table.values.get(key, usual)
     if not is_integer(value):
         table.report_value("wrong-type", key, f"`{key}` is a whole number: {key} = {usual}")
-    elif not 0 <= value <= MOST_AT_ONCE:
-        table.report_value("out-of-range", key, f"`{key}` is from 0 to {MOST_AT_ONCE}; this is {value}")
+    elif not 0 <= value <= MAX_AT_ONCE:
+        table.report_value("out-of-range", key, f"`{key}` is from 0 to {MAX_AT_ONCE}; this is {value}")
     else:
         return int(value)
     return usual

@@ -27,7 +27,7 @@ _SLOT = "\ue000"
 """Replaces a memory value while the rest is read as XML: a private character that no name can contain."""
 _PROLOG = ("<?xml", "<!DOCTYPE")
 _LONGEST_PIECE = 12
-_MOST_PROBLEMS = 20
+_MAX_PROBLEMS = 20
 """Maximum number of problems of one kind that are reported for a message."""
 
 
@@ -62,8 +62,8 @@ def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
     if root is None:
         yield _explain(text)
     else:
-        yield from islice(_slot_problems(template, root), _MOST_PROBLEMS)
-        yield from islice(_element_problems(root, text), _MOST_PROBLEMS)
+        yield from islice(_slot_problems(template, root), _MAX_PROBLEMS)
+        yield from islice(_element_problems(root, text), _MAX_PROBLEMS)
 
 
 def languages_in(template: Template) -> Iterator[str | None]:

@@ -227,11 +227,11 @@ def memory_suppressions(
 
 
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
-_MOST_QUOTED = 4
+_MAX_QUOTED = 4
 """Maximum number of quoted names of a sentence that are searched for. The first ones are the subject."""
 _GOES_ON = re.compile(r"(?<=\w)[\w.]*\w")
 """The rest of a longer name that only begins with the quoted name."""
-_MOST = 400
+_MAX_CHARACTERS = 400
 """Maximum number of characters that are underlined, and that are searched in a sentence."""
 _LINE = re.compile(r"[^\r\n]*")
 _TAG = re.compile(r"<[!?/]?[^\s<>/]*>?")
@@ -256,9 +256,9 @@ def _with_end(found: Diagnostic, source: SourceFile | None) -> Diagnostic:
 
 def end_offset(source: SourceFile, start: int, message: str) -> int:
     """The offset after the last character of the text at `start` that the sentence is about."""
-    line = _LINE.match(source.text[start : start + _MOST])
+    line = _LINE.match(source.text[start : start + _MAX_CHARACTERS])
     text = line.group() if line is not None else ""
-    lengths = (written_length(text, 0, name) for name in _QUOTED.findall(message[:_MOST])[:_MOST_QUOTED])
+    lengths = (written_length(text, 0, name) for name in _QUOTED.findall(message[:_MAX_CHARACTERS])[:_MAX_QUOTED])
     length = max((each for each in lengths if not _GOES_ON.match(text, each)), default=0)
     return start + max(length or match_end(_pattern(source, start), text, 0), min(1, len(text)))
 

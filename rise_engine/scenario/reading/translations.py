@@ -41,7 +41,7 @@ _SHOWN = 60
 """Maximum characters of a text in a sentence."""
 _LISTED = 8
 """Maximum number of texts of an act that a sentence names."""
-_MOST_ACTS = 5
+_MAX_ACTS = 5
 """Maximum number of incompletely translated acts that are reported singly, unless the language was requested."""
 
 
@@ -237,7 +237,7 @@ class TranslationReader:
             by_act: dict[str, list[SpokenText]] = {}
             for text in found.missing(self.texts.values()):
                 by_act.setdefault(text.act, []).append(text)
-            if len(by_act) > _MOST_ACTS and (tag != self.asked or allow):
+            if len(by_act) > _MAX_ACTS and (tag != self.asked or allow):
                 count = sum(map(len, by_act.values()))
                 message = f"{count} of {len(self.texts)} texts are not translated into `{tag}`, in {len(by_act)} acts; "
                 message += "`rise-engine texts export DIR --only missing` makes a table of them"

@@ -197,7 +197,7 @@ def _bar(time: ActionTime, scale: ActScale, room: int) -> StyledLine:
     return ((" " * (room + 1 + begin), "plain"), ("█" * (end - begin), "accent"))
 
 
-MOST_COMPARED = 4_000
+MAX_COMPARED = 4_000
 """Maximum number of lines. Longer files show no differences, because finding them takes too long for every key."""
 
 
@@ -207,7 +207,7 @@ def file_lines(draft: StudyDraft, place: FilePlace, width: int, most: int) -> li
     was = _lines(draft.saved.get(place.file, b""))
     first, last = max(0, place.line - 1), min(len(now), place.end)
     marked: list[tuple[int, str, str]] = []
-    if now == was or max(len(now), len(was)) > MOST_COMPARED:
+    if now == was or max(len(now), len(was)) > MAX_COMPARED:
         marked = [(number + 1, " ", now[number]) for number in range(first, last)]
     else:
         for tag, i1, i2, j1, j2 in SequenceMatcher(None, was, now, autojunk=False).get_opcodes():

@@ -33,7 +33,7 @@ NOT_GIVEN = "–"
 TYPED = "as it is typed"
 """The use of a value that is not among the choices."""
 MakeEdits: TypeAlias = Callable[[str | None], tuple[AnyEdit, ...]]
-LEAST_LABEL, MOST_VALUE = 13, 24
+MIN_LABEL, MAX_VALUE = 13, 24
 """Minimum cells for labels, and maximum cells for values whose notes line up."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 
@@ -200,9 +200,9 @@ class FormColumns(NamedTuple):
 def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
     """Columns for the longest label and value. An unusually long value moves only its own note."""
     label = max((cell_width(_label(each)) for each in fields), default=0) + 1
-    value = min(max(LEAST_LABEL + 3, label), max(LEAST_LABEL + 3, width // 3))
+    value = min(max(MIN_LABEL + 3, label), max(MIN_LABEL + 3, width // 3))
     values = [cell_width(_value(each)) for each in fields if each.reason or each.note]
-    return FormColumns(value, value + max((each for each in values if each <= MOST_VALUE), default=0) + 2)
+    return FormColumns(value, value + max((each for each in values if each <= MAX_VALUE), default=0) + 2)
 
 
 def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("", -1)) -> list[ListRow]:

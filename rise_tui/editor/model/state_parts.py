@@ -33,7 +33,7 @@ from rise_engine.author.edit.outline import (
 from rise_engine.syntax.xml_writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "transition", "other", "empty", "parameter"]
-MOST_LEVELS = 4
+MAX_LEVELS = 4
 """Maximum number of levels of nested blocks in the list. Deeper ones are changed in the file."""
 
 
@@ -209,7 +209,7 @@ def _statements(
         elif statement.choices or not statement.reason:
             row = row._replace(kind="choice", text=ONE_OF, new=_with_path(at, (*at.path, 0)), behind=_behind(at))
             yield row
-            if depth <= MOST_LEVELS:
+            if depth <= MAX_LEVELS:
                 yield from _statements(statement.choices, at, depth + 1, transition, why, row)
             else:
                 yield _too_deep(row)
@@ -233,7 +233,7 @@ def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
             yield head._replace(kind="if")
         else:
             yield head._replace(kind="branch", at=at, reason=reason, line=branch.line)
-        if row.depth > MOST_LEVELS:
+        if row.depth > MAX_LEVELS:
             yield _too_deep(row)
         elif branch.statements:
             yield from _statements(branch.statements, at, row.depth + 1, row.transition, reason, row)

@@ -172,7 +172,7 @@ def short_value(value: Json) -> str:
             return str(value)
 
 
-MOST_CUTS = 60
+MAX_CUTS = 60
 """Maximum number of words cut from the end of an unreadable text to find a readable beginning."""
 _WORD = re.compile(r"""[\w.]+|"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|\S""")
 _LAST_WORD = re.compile(r"[^\W\d][\w.]*\Z")
@@ -240,7 +240,7 @@ def _truth_text(expression: Expression, memory: Mapping[str, Json]) -> str:
 
 def _readable_beginning(text: str) -> Expression | None:
     ends = [found.end() for found in _WORD.finditer(text)][:-1]
-    for end in reversed(ends[-MOST_CUTS:]):
+    for end in reversed(ends[-MAX_CUTS:]):
         try:
             return Expression.parse(text[:end])
         except ExpressionError:

@@ -19,7 +19,7 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, c
 
 NUMBER = 5
 """Cells for the number before a row."""
-LEAST, MOST = 4, 24
+MIN_COLUMN_WIDTH, MAX_COLUMN_WIDTH = 4, 24
 """Cells of a column if not all columns get their full width."""
 _MEASURED = 400
 """Number of rows that are measured for the width of a column."""
@@ -128,7 +128,7 @@ def is_selectable(grid: Grid, row: GridRow) -> bool:
 def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
     shown = (table.columns, *table.rows[:_MEASURED])
     return tuple(
-        max(LEAST, *(cell_width(clean(row[index])) for row in shown if index < len(row))) + 2
+        max(MIN_COLUMN_WIDTH, *(cell_width(clean(row[index])) for row in shown if index < len(row))) + 2
         for index in range(len(table.columns))
     )
 
@@ -136,7 +136,7 @@ def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
 def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColumn]:
     """The columns that fit, including the one with the cursor.
 
-    If all columns fit, each gets its full width. Otherwise none is wider than `MOST`, cut columns share the rest, and
+    If all columns fit, each gets its full width. Otherwise none is wider than `MAX_COLUMN_WIDTH`, cut columns share the rest, and
     columns before the cursor's are hidden.
 
     :param column: the index of the column with the cursor. :param width: cells of a row.
@@ -144,7 +144,7 @@ def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColum
     room, natural = width - NUMBER, table.widths
     if sum(natural) <= room:
         return [GridColumn(index, each) for index, each in enumerate(natural)]
-    widths = [min(each, MOST, room) for each in natural]
+    widths = [min(each, MAX_COLUMN_WIDTH, room) for each in natural]
     first = 0
     while sum(widths[first : column + 1]) > room:
         first += 1
@@ -155,7 +155,7 @@ def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColum
             more = min(max(1, left // len(cut)), natural[at] - widths[at], left)
             widths[at], left = widths[at] + more, left - more
     found = [GridColumn(at, widths[at]) for at in range(first, first + fitting)]
-    if left > LEAST + 2 and first + fitting < len(widths):  # the beginning of the next one
+    if left > MIN_COLUMN_WIDTH + 2 and first + fitting < len(widths):  # the beginning of the next one
         found.append(GridColumn(first + fitting, left))
     return found
 

@@ -28,7 +28,7 @@ KIND_ROLES: dict[HappenedKind, TextRole] = {
     "done": "strong", "state": "accent", "event": "plain", "memory": "plain", "condition": "muted", "act": "plain",
     "says": "plain", "note": "muted", "problem": "fault",
 }  # fmt: skip
-MOST_LINES = 400
+MAX_LINES = 400
 """Maximum number of lines of past events. Older ones are only counted."""
 
 
@@ -80,11 +80,11 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
 def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
     """The past events, the newest last. A long line takes several rows."""
     rows = []
-    left_out = len(lines) - MOST_LINES
+    left_out = len(lines) - MAX_LINES
     if left_out > 0:
         rows.append(_heading(f"{left_out} earlier lines"))
     before = None
-    for number, line in enumerate(lines[-MOST_LINES:]):
+    for number, line in enumerate(lines[-MAX_LINES:]):
         time = clock_text(line.t)
         lead = f" {time if time != before else '':>5} "
         key = f"key {line.key}  " if line.key else ""

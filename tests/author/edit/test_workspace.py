@@ -360,7 +360,7 @@ def test_the_second_editor_may_look_and_takes_over(folder: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_opened_is_not_locked(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_engine.author.edit.study_folder._MOST_FILES", 2)
+    monkeypatch.setattr("rise_engine.author.edit.study_folder._MAX_FILES", 2)
     with pytest.raises(EditRefused, match="is it the folder of one study"):
         Workspace(folder)
     monkeypatch.undo()

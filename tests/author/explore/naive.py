@@ -46,7 +46,7 @@ FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0 - 2.0**-53)
 """Of the numbers from 0 to 1 that chance can give, those that are tried."""
 
 
-MOST_OUTCOMES = 128
+MAX_OUTCOMES = 128
 """Of one input, by chance; a study in which one has more is given up."""
 WORLD, START = World(), SessionStarted()
 
@@ -141,7 +141,7 @@ def explore_naively(
             if fault and not situation.faults:
                 continue
             for number, step in enumerate(steps_of(restore, situation.snapshot, input)):
-                if number == MOST_OUTCOMES:
+                if number == MAX_OUTCOMES:
                     result.complete, result.situations = False, len(found)
                     return result
                 add(step, situation.faults - fault, situation.seconds)

@@ -20,7 +20,7 @@ from tests.chance import SEARCH, seeds
 STUDIES, RUNS, INPUTS = 6, 4, 50
 """How many random studies are explored, with how many random runs each, of how many inputs."""
 NAIVE_STUDIES = 6
-MOST_SITUATIONS = 700
+MAX_SITUATIONS = 700
 """What the naive explorer is asked to look at, at most: it is slow."""
 RELEASES = ("leave", "enter")
 SMALL = [
@@ -72,7 +72,7 @@ def test_random_studies_have_no_situation_less_and_hardly_one_more() -> None:
         if found is None:
             continue
         projections, keys = found
-        naive = explore_naively(study.scenario, keys=keys, timers="order", world=world, max_states=MOST_SITUATIONS)
+        naive = explore_naively(study.scenario, keys=keys, timers="order", world=world, max_states=MAX_SITUATIONS)
         if naive.complete:
             compared += 1
             assert projections == naive.states, f"study {seed}: {difference(projections, naive.states)}"

@@ -24,7 +24,7 @@ from tests.exchange.scxml.random_rules import random_script, random_study
 FILE = Path(__file__).with_name("traces.json")
 STUDIES = Path(__file__).parents[3] / "scenarios"
 SEEDS = range(60)
-MOST_LINES = 160
+MAX_LINES = 160
 
 
 class Case:
@@ -70,7 +70,7 @@ def random_cases(seeds: Iterable[int], length: int = 25) -> Iterator[Case]:
 def kept_cases(seeds: Iterable[int] = SEEDS) -> Iterator[Case]:
     """Those whose traces are kept: with random rules, of those seeds whose lines are few."""
     yield from shipped_cases(1)
-    yield from (case for case in random_cases(seeds) if sum(map(len, case.played.lines)) <= MOST_LINES)
+    yield from (case for case in random_cases(seeds) if sum(map(len, case.played.lines)) <= MAX_LINES)
 
 
 def main() -> None:

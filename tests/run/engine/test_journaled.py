@@ -198,7 +198,7 @@ async def test_an_action_whose_record_took_too_long_does_not_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with session(tmp_path, Disk()) as it:
-        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", -1.0)
+        monkeypatch.setattr("rise_engine.run.engine.engine.MAX_LATE_SECONDS", -1.0)
         it.ask(start("Greet"))
         await it.until(lambda: [record for record in it.of(TaskRecord) if record.status == "ABORTED"])
         assert it.robot.calls == []
@@ -216,7 +216,7 @@ async def test_nothing_that_has_waited_behind_a_late_act_begins(
             it.ask(start("Greet"))
             await it.until(lambda: it.robot.calls)
         disk.go.clear()
-        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+        monkeypatch.setattr("rise_engine.run.engine.engine.MAX_LATE_SECONDS", 0.05)
         for _ in range(3):
             it.ask(start("Greet"))
         if before == "an act":
@@ -247,7 +247,7 @@ async def test_what_was_recorded_in_time_waits_on_when_something_beside_it_is_la
         it.ask(start("Talk"))
         await it.until(lambda: len(it.replies) == 2)
         disk.go.clear()
-        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+        monkeypatch.setattr("rise_engine.run.engine.engine.MAX_LATE_SECONDS", 0.05)
         it.ask(start("Side", "None"))
         await it.later(0.1)
         disk.go.set()
@@ -276,7 +276,7 @@ async def test_what_waits_for_a_wizard_is_not_cancelled_because_it_is_late(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It begins by their word, and not before."""
-    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", -1.0)
+    monkeypatch.setattr("rise_engine.run.engine.engine.MAX_LATE_SECONDS", -1.0)
     async with session(tmp_path, Disk()) as it:
         it.engine.accept(SessionRecovered(waits_for_wizard=True))
         it.ask(start("Greet"))
@@ -285,7 +285,7 @@ async def test_what_waits_for_a_wizard_is_not_cancelled_because_it_is_late(
 
 
 async def test_each_late_action_says_how_late_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", 0.05)
+    monkeypatch.setattr("rise_engine.run.engine.engine.MAX_LATE_SECONDS", 0.05)
     disk = StallingDisk()
     async with session(tmp_path, disk) as it:
         disk.go.clear()

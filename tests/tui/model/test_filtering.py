@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_tui.model.filtering import MOST_CHARACTERS, Filter, InvalidFilter, RowSearch
+from rise_tui.model.filtering import MAX_CHARACTERS, Filter, InvalidFilter, RowSearch
 
 ROW = "00:14:32.1 wizard:anna act Blocking R_Instruction_2 done"
 
@@ -92,7 +92,7 @@ def test_an_expression_that_explodes_is_given_up_and_both_ways_say_so(typed: str
 
 
 def test_an_expression_sees_a_row_up_to_a_limit_and_words_see_all() -> None:
-    row = "x" * MOST_CHARACTERS + " needle"
+    row = "x" * MAX_CHARACTERS + " needle"
     assert Filter("needle").matches(row) and not Filter("/needle").matches(row)
 
 

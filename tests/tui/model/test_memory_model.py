@@ -17,7 +17,7 @@ from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
 from rise_engine.scenario.loader import load
 from rise_tui.model.memory_changes import (
-    MOST,
+    MAX_CHANGES,
     NoSuchPath,
     UndoStack,
     children,
@@ -157,9 +157,9 @@ def test_an_own_change_between_the_undo_and_its_record_stays() -> None:
 
 def test_the_stack_is_bounded() -> None:
     memory = Memory(a=0)
-    for number in range(MOST + 50):
+    for number in range(MAX_CHANGES + 50):
         memory.set("a", number)
-    assert len(memory.stack) == MOST
+    assert len(memory.stack) == MAX_CHANGES
     memory.stack.clear()
     assert memory.undo().startswith("nothing")
 

@@ -91,7 +91,7 @@ def test_no_blanks_are_kept_while_something_is_cut(width: int, title: str) -> No
     blanks = max(map(len, re.findall(" +", shown)))
     cut = title not in shown or "wizard" not in shown or "connected" not in shown or "(sim)" not in shown
     assert not cut or blanks < 14, shown
-    assert title in shown or blanks <= 9, shown  # fewer than LEAST_TITLE, in which a title would say nothing
+    assert title in shown or blanks <= 9, shown  # fewer than MIN_TITLE, in which a title would say nothing
 
 
 @pytest.mark.parametrize("width", [60, 70, 80, 100, 120, 200])

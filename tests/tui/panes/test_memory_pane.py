@@ -14,7 +14,7 @@ from rise_engine.scenario.model import Condition, Table
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import why_unavailable
 from rise_tui.model.store import Store
-from rise_tui.panes.memory import MOST_PARTS, MemoryPane
+from rise_tui.panes.memory import MAX_PARTS, MemoryPane
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.reading import DetailScreen
 from tests.tui.conftest import Console, console
@@ -212,8 +212,8 @@ async def test_values_unfold_fold_and_are_edited_in_parts() -> None:
         remember(it, "list", list(range(5000)))
         await at(it, "list")
         await it.press("right")
-        await it.until(lambda: f"and {5000 - MOST_PARTS} more" in it.text("memory"))
-        assert it.text("memory").count("\n") < MOST_PARTS + 20
+        await it.until(lambda: f"and {5000 - MAX_PARTS} more" in it.text("memory"))
+        assert it.text("memory").count("\n") < MAX_PARTS + 20
 
 
 @pytest.mark.slow

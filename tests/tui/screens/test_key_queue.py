@@ -9,7 +9,7 @@ from textual import events
 from textual.app import App
 from textual.screen import Screen
 
-from rise_tui.rendering.terminal_app import MOST_LOOKS, KeyQueue
+from rise_tui.rendering.terminal_app import MAX_CHECKS, KeyQueue
 from tests.virtual_time import VirtualLoop
 
 
@@ -27,7 +27,7 @@ class SlowScreen(Screen[None]):
         return self.looks_left > 0
 
 
-@pytest.mark.parametrize(("looks", "is_waited_for"), [(100, True), (10 * MOST_LOOKS, False)])
+@pytest.mark.parametrize(("looks", "is_waited_for"), [(100, True), (10 * MAX_CHECKS, False)])
 async def test_a_key_waits_for_what_the_one_before_began_however_busy_the_machine(
     looks: int, is_waited_for: bool
 ) -> None:

@@ -138,7 +138,7 @@ SEARCH_SECONDS = 3.0
 SETTLE_SECONDS = 0.5
 """Seconds to continue after all were found, because a second server may follow."""
 _POLL_SECONDS = 0.05
-_MOST_NAMES = 8
+_MAX_NAMES = 8
 
 
 async def check_robot(
@@ -313,7 +313,7 @@ class _ExpectedEndpoint:
 
 def _advise_renaming(name: str, others: Sequence[str]) -> str:
     are = "there is one of this type" if name.startswith("/") else "of their types there are"
-    names = ", ".join(others[:_MOST_NAMES]) + (", ..." if len(others) > _MOST_NAMES else "")
+    names = ", ".join(others[:_MAX_NAMES]) + (", ..." if len(others) > _MAX_NAMES else "")
     return f"{are}, by other names: {names}; correct the names in the profile, or start with --ros-args -r FROM:=TO"
 
 

@@ -89,7 +89,7 @@ def _read_values(
 
 
 DRIVER = "ros2"
-LEAST_FEEDBACK_SECONDS = 0.5
+MIN_FEEDBACK_SECONDS = 0.5
 
 
 def parse_options(
@@ -154,8 +154,8 @@ def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: Pro
         elif key == "cancel" and value > MAX_CANCEL_SECONDS:
             what = f"must be at most {MAX_CANCEL_SECONDS:g}: an act waits {CANCEL_LIMIT:g} s for its actions to stop"
             mistakes.add(f"{where}.{key}", what)
-        elif key == "feedback" and 0 < value < LEAST_FEEDBACK_SECONDS:
-            what = f"must be 0, or at least {LEAST_FEEDBACK_SECONDS:g}: it is read ten times a second"
+        elif key == "feedback" and 0 < value < MIN_FEEDBACK_SECONDS:
+            what = f"must be 0, or at least {MIN_FEEDBACK_SECONDS:g}: it is read ten times a second"
             mistakes.add(f"{where}.{key}", what)
         else:
             found[key] = float(value)

@@ -10,7 +10,7 @@ from rise_adapters.ros2.robot.endpoints import Endpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, GoalHost
 from rise_engine.base.suspend import suspended_seconds
 
-MOST_LATE_SECONDS = 1.0
+MAX_LATE_SECONDS = 1.0
 """Maximum delay in seconds after the deadline with which a waiting action may begin."""
 
 
@@ -36,7 +36,7 @@ class Waiting:
         if endpoint.misfit:
             return "failed", endpoint.misfit
         if endpoint.is_ready and not held:
-            if late + slept >= MOST_LATE_SECONDS:
+            if late + slept >= MAX_LATE_SECONDS:
                 return endings.of_late_start(late + slept)
             begin()
             return None

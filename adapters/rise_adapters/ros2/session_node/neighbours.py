@@ -43,7 +43,7 @@ BEAT_SECONDS = 0.5
 """Seconds between two signs of life."""
 _POLL_SECONDS = 0.02
 _MAX_CHARACTERS = 100
-_MOST_NAMES = 3
+_MAX_NAMES = 3
 _LOG = logging.getLogger(__name__)
 
 AnnouncedState = Literal["asking", "serving", "over"]
@@ -226,8 +226,8 @@ def describe_other_session(other: SessionAnnouncement, shared: Sequence[str]) ->
 
 
 def _join_some(names: Sequence[str]) -> str:
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _keep_printable(text: str) -> str:

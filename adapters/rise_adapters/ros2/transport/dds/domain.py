@@ -21,7 +21,7 @@ from rise_adapters.ros2.transport.port import PortError
 DISCOVERY_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 LARGEST_DOMAIN = 232
 """Above this, the ports that DDS computes do not exist."""
-_MOST_PARTICIPANTS = 32
+_MAX_PARTICIPANTS = 32
 """The number of programs that find each other on one machine without multicast, as in rmw_cyclonedds."""
 _LEASE_SECONDS = 1.0
 """Seconds without a sign of life after which other programs consider this one dead."""
@@ -49,7 +49,7 @@ def make_configuration(environment: Mapping[str, str]) -> str:
         discovery = f"<ParticipantIndex>none</ParticipantIndex><Tag>ros_discovery_off_{os.getpid()}</Tag>"
     elif reach != "SYSTEM_DEFAULT":
         discovery = "<ParticipantIndex>auto</ParticipantIndex>"
-        discovery += f"<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
+        discovery += f"<MaxAutoParticipantIndex>{_MAX_PARTICIPANTS}</MaxAutoParticipantIndex>"
         if peers:
             discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
     # Four signs of life in a lease, so that one or two may get lost.

@@ -166,7 +166,7 @@ def make_reader(participant: DomainParticipant, topic: str, idl: type[IdlStruct]
         raise PortError(f"DDS refuses a reader of {topic}: {error}") from None
 
 
-_MOST_PER_TAKE = 500
+_MAX_PER_TAKE = 500
 """Maximum number of messages in one call."""
 _NOT_READ = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _ANY = ViewState.Any | InstanceState.Any | SampleState.Any
@@ -297,7 +297,7 @@ class ReaderThread:
                 if found.pause:
                     self._detach(found)
                     pausing.append((monotonic() + found.pause, found))
-                taken = found.take(found.handle, _MOST_PER_TAKE)
+                taken = found.take(found.handle, _MAX_PER_TAKE)
                 if not isinstance(taken, int):
                     deliveries += [partial(found.deliver, sample) for sample in taken]
             if deliveries:

@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 _JOIN_SECONDS = 2.0
 _CLOSED_KEPT = 256
 """The number of closed entities that are kept for a while."""
-_MOST_FAILURES = 20
+_MAX_FAILURES = 20
 """Number of successive failures of the executor after which it is given up."""
 
 
@@ -154,7 +154,7 @@ class SpinningNode:
                 # One bad message, or an entity that was closed meanwhile. Everything else follows in the next turn.
                 failures += 1
                 _log.warning("the executor of the ROS node %s failed: %s", self.name, first_line(error))
-                if failures >= _MOST_FAILURES:
+                if failures >= _MAX_FAILURES:
                     self._lost = f"rclpy's executor fails again and again: {first_line(error)}"
                     break
 
