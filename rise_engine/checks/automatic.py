@@ -35,7 +35,7 @@ NOBODYS_NAMES = frozenset(
 """Logins of machines, roles and shared accounts, which do not identify a person."""
 
 
-def look_at_disk(sessions: Path, minimum: str) -> Finding:
+def check_disk(sessions: Path, minimum: str) -> Finding:
     """Check that the disk of the sessions has room and is writable.
 
     :param sessions: the folder of the study's sessions, which may not exist yet.
@@ -59,7 +59,7 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     return Finding(True, value)
 
 
-def look_at_clock(
+def check_clock(
     now: datetime, log: Sequence[LogEntry], sessions: Sequence[SessionEntry], synchronised: bool | None
 ) -> Finding:
     """Check this computer's clock for errors that it can detect.
@@ -98,7 +98,7 @@ def is_clock_synchronised() -> bool | None:
     return {b"yes": True, b"no": False}.get(found.stdout.strip())
 
 
-def look_at_consent(needed: Sequence[str], participant: Participant | None, name: str, today: date) -> Finding:
+def check_consent(needed: Sequence[str], participant: Participant | None, name: str, today: date) -> Finding:
     """Check that every necessary consent has a date that is not in the future.
 
     :param needed: the names in `[consent] needed`.
@@ -128,7 +128,7 @@ def look_at_consent(needed: Sequence[str], participant: Participant | None, name
     return Finding(True, dates or "the study asks for no consent")
 
 
-def look_at_participant(
+def check_participant(
     name: str, listed: Sequence[Participant], standing: ParticipantStanding | None, run: int
 ) -> Finding:
     """Check whether a participant may take part now.
@@ -165,7 +165,7 @@ def look_at_participant(
     return Finding(True, f"{name}, run {standing.next_run} of {standing.runs}{attempt}")
 
 
-def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Finding:
+def check_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Finding:
     """Check that the scenario has not changed since the plan was made (blocking: reads the scenario).
 
     :param folder: the folder of the scenario that will run.
@@ -198,7 +198,7 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Fin
     return Finding(True, f"`{name}` is as it was on {made}")
 
 
-def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
+def check_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
     """Check that the record will name the wizard.
 
     :param name: the name that the console gives.

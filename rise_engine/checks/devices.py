@@ -21,7 +21,7 @@ from rise_engine.base.errors import AdapterError, SessionError
 from rise_engine.base.files import is_locked
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize, restore_all_surrogates
-from rise_engine.checks.kinds import look_at_explored
+from rise_engine.checks.kinds import check_explored
 from rise_engine.checks.outcome import Finding
 from rise_engine.checks.programs import ChildRequest
 from rise_engine.kernel.inputs import RobotChanged, Submit
@@ -66,7 +66,7 @@ WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
 """The word that the robot says, by the scenario's language."""
 
 
-async def look_at_robot(request: ChildRequest) -> Finding:
+async def check_robot(request: ChildRequest) -> Finding:
     """Check that the scenario's robot answers and offers every action of the scenario. Sends no action."""
     try:
         scenario = _load(request)
@@ -209,7 +209,7 @@ async def _say(scenario: Scenario, robot: Robot, clock: RealClock, word: str) ->
 
 TEST_SECONDS = 3.0
 """Seconds that each recorder records."""
-LOOK_SECONDS = 0.5
+SAMPLE_SECONDS = 0.5
 TEST_SESSION = "check"
 """The session's name in the names of test files."""
 
@@ -224,7 +224,7 @@ class RecorderTrial(Struct, frozen=True):
     """The path of the test file if it still exists; empty: it was deleted, or there was none."""
 
 
-async def look_at_recorders(request: ChildRequest) -> Finding:
+async def check_recorders(request: ChildRequest) -> Finding:
     """Check that every recorder of the study records. Test files on this computer are deleted.
 
     :param request: the request with the recorders.
@@ -281,8 +281,8 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
     """Return its status at the beginning and after TEST_SECONDS."""
     first = last = await call_within(CALL_SECONDS, recorder.status(), "for its state")
-    for _ in range(round(TEST_SECONDS / LOOK_SECONDS)):
-        await asyncio.sleep(LOOK_SECONDS)
+    for _ in range(round(TEST_SECONDS / SAMPLE_SECONDS)):
+        await asyncio.sleep(SAMPLE_SECONDS)
         last = await call_within(CALL_SECONDS, recorder.status(), "for its state")
         if not last.recording:
             raise RecorderError("it does not record any more")
@@ -318,7 +318,7 @@ def _erase(path: str) -> str:
 # --- the main program -------------------------------------------------------------------------------------------------
 
 
-def look_at_last_session(sessions: Path) -> Finding:
+def check_last_session(sessions: Path) -> Finding:
     """Replay the last session (blocking, long for a long session); a study without sessions passes.
 
     :param sessions: the study's folder of sessions.
@@ -353,7 +353,7 @@ def main() -> None:
     answer = os.dup(1)
     os.dup2(2, 1)  # output that libraries print must not mix with the answer
     request = msgspec.convert(restore_all_surrogates(msgspec.json.decode(sys.stdin.buffer.read())), ChildRequest)
-    finding = _look(request)
+    finding = _run_check(request)
     os.write(answer, encode(finding))
     os.close(answer)
     sys.stdout.flush()
@@ -361,14 +361,14 @@ def main() -> None:
     os._exit(0)  # does not wait for threads that never end
 
 
-def _look(request: ChildRequest) -> Finding:
+def _run_check(request: ChildRequest) -> Finding:
     if request.kind == "replay":
-        return look_at_last_session(Path(request.sessions))
+        return check_last_session(Path(request.sessions))
     if request.kind == "explored":
-        return look_at_explored(Path(request.study), request.session, request.robot, request.mode)
+        return check_explored(Path(request.study), request.session, request.robot, request.mode)
     if request.kind == "recorder":
-        return asyncio.run(look_at_recorders(request))
-    return asyncio.run(say_word(request) if request.kind == "sound" else look_at_robot(request))
+        return asyncio.run(check_recorders(request))
+    return asyncio.run(say_word(request) if request.kind == "sound" else check_robot(request))
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ class KindFinding(Struct, frozen=True):
     """`scenario/rules/quiz.xml:75:3`, relative to the study's folder; empty: there is none."""
 
 
-class KindLook(Struct, frozen=True):
+class KindExploration(Struct, frozen=True):
     """The results for one kind of session."""
 
     situations: int
@@ -95,11 +95,11 @@ class MergedFinding(Struct, frozen=True):
         return {**msgspec.structs.asdict(self.finding), "kinds": self.kinds}
 
 
-class StudyLook(Struct, frozen=True):
+class StudyExploration(Struct, frozen=True):
     """The results for all kinds of session of a study."""
 
     kinds: tuple[SessionKind, ...]
-    looks: tuple[KindLook, ...]
+    explorations: tuple[KindExploration, ...]
     findings: tuple[MergedFinding, ...]
     """Problems first."""
     acts: int
@@ -117,20 +117,22 @@ class StudyLook(Struct, frozen=True):
         made_of = [pluralize(len(conditions), "condition")] if len(conditions) > 1 else []
         made_of += [f"in {' and '.join(languages)}"] if languages else []
         what = pluralize(len(self.kinds), "kind") + " of session" + (f" ({', '.join(made_of)})" if made_of else "")
-        situations = sum(look.situations for look in self.looks)
+        situations = sum(exploration.situations for exploration in self.explorations)
         begun = {
-            (kind.run.scenario, act) for kind, look in zip(self.kinds, self.looks, strict=True) for act in look.acts
+            (kind.run.scenario, act)
+            for kind, exploration in zip(self.kinds, self.explorations, strict=True)
+            for act in exploration.acts
         }
         counts = (pluralize(sum(each.finding.level == level for each in self.findings), level) for level in _LEVELS[:2])
         text = f"explored and played {what}: {situations:,} situations, {len(begun)} of {self.acts} acts began; "
         text += ", ".join(counts)
         for what, broken_off in (
-            ("exploring", sum(not look.is_complete for look in self.looks)),
-            ("playing", sum(not look.is_played for look in self.looks)),
+            ("exploring", sum(not exploration.is_complete for exploration in self.explorations)),
+            ("playing", sum(not exploration.is_played for exploration in self.explorations)),
         ):
             if broken_off:
                 text += f"; {what} stopped after {QUICK_SECONDS:g} s in {pluralize(broken_off, 'kind')}"
-        if not all(look.is_complete for look in self.looks):
+        if not all(exploration.is_complete for exploration in self.explorations):
             text += ", and `rise-engine explore STUDY` looks at more"
         return text
 
@@ -141,20 +143,20 @@ class StudyLook(Struct, frozen=True):
                 {
                     "condition": kind.run.condition,
                     "language": kind.language,
-                    "situations": look.situations,
-                    "complete": look.is_complete,
-                    "played": look.is_played,
-                    "acts": look.acts,
+                    "situations": exploration.situations,
+                    "complete": exploration.is_complete,
+                    "played": exploration.is_played,
+                    "acts": exploration.acts,
                 }
-                for kind, look in zip(self.kinds, self.looks, strict=True)
+                for kind, exploration in zip(self.kinds, self.explorations, strict=True)
             ],
             "findings": [each.row() for each in self.findings],
         }
 
 
-def look_at_kinds(
+def check_kinds(
     study: Study, kinds: Sequence[SessionKind], say: Callable[[str], None] = lambda sentence: None
-) -> StudyLook:
+) -> StudyExploration:
     """Explore and play each kind of session for a few seconds at most. Unchanged kinds keep their stored results.
 
     :param study: the study, in whose folder the results are stored.
@@ -163,8 +165,8 @@ def look_at_kinds(
     """
     folder = Path(study.folder)
     before = _read_kept(folder)
-    kept: dict[str, KindLook] = {}
-    looked: list[tuple[SessionKind, KindLook]] = []
+    kept: dict[str, KindExploration] = {}
+    explored: list[tuple[SessionKind, KindExploration]] = []
     acts: set[tuple[str, str]] = set()
     loaded = cache(partial(load_for, study))
     for number, kind in enumerate(kinds, start=1):
@@ -176,17 +178,21 @@ def look_at_kinds(
         if key not in kept:
             if key not in before:
                 say(f"looking at {kind.name or 'the sessions'} ({number} of {len(kinds)})")
-            kept[key] = before[key] if key in before else _look(study, kind, scenario)
-        looked.append((kind, kept[key]))
+            kept[key] = before[key] if key in before else _explore_kind(study, kind, scenario)
+        explored.append((kind, kept[key]))
     if kept.keys() - before.keys():
-        newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MAX_KEPT])
+        newest = dict(
+            [*kept.items(), *((key, exploration) for key, exploration in before.items() if key not in kept)][:_MAX_KEPT]
+        )
         with suppress(OSError):  # results that cannot be stored are computed again
             write_whole(folder / KEPT, encode(_Kept(newest, _sum(newest))))
-    found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
-    return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
+    found = merge([(kind, exploration.is_complete, exploration.findings) for kind, exploration in explored])
+    return StudyExploration(
+        tuple(kind for kind, _ in explored), tuple(exploration for _, exploration in explored), tuple(found), len(acts)
+    )
 
 
-def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | None, mode: Mode) -> Finding:
+def check_explored(study_folder: Path, kind: SessionKind | None, robot: str | None, mode: Mode) -> Finding:
     """Check that nothing gets stuck or fails in a session that will begin (`auto = "explored"`; blocking).
 
     :param study_folder: where the results are stored.
@@ -199,12 +205,12 @@ def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | 
         return Finding(False, reason="the study has errors; `rise-engine study check` says which")
     study = replace(review.study, robot=robot or "", mode=mode)
     kinds = session_kinds(study, review.participants, review.scenarios) if kind is None else (kind,)
-    look = look_at_kinds(study, kinds)
-    problems = [each.finding.text for each in look.findings if each.finding.level == "problem"]
+    exploration = check_kinds(study, kinds)
+    problems = [each.finding.text for each in exploration.findings if each.finding.level == "problem"]
     if not problems:
-        return Finding(True, look.sentence)
+        return Finding(True, exploration.sentence)
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return Finding(False, look.sentence, f"{problems[0]}{more}; `rise-engine explore` shows the way there")
+    return Finding(False, exploration.sentence, f"{problems[0]}{more}; `rise-engine explore` shows the way there")
 
 
 def load_for(study: Study, folder: str, language: str) -> Scenario | None:
@@ -247,16 +253,16 @@ def findings_of(
     return tuple(found)
 
 
-def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
+def merge(results: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
     """Merge the findings of all kinds, each once, problems first.
 
     A finding that something never happens counts only if every completely explored kind with the scenario has it.
 
-    :param looks: for each kind, whether it was explored completely, and its findings.
+    :param results: for each kind, whether it was explored completely, and its findings.
     """
-    looks = list(looks)
+    results = list(results)
     same: dict[tuple[str, str, str], list[tuple[int, int]]] = {}
-    for number, (_, _, findings) in enumerate(looks):
+    for number, (_, _, findings) in enumerate(results):
         for at, finding in enumerate(findings):
             places = same.setdefault((finding.kind, finding.place, _NUMBERS.sub("#", finding.text)), [])
             if not places or places[-1][0] != number:
@@ -265,11 +271,15 @@ def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> l
     for (code, _, _), places in same.items():
         first = places[0]
         if code in _EVERYWHERE:
-            alike = [n for n, look in enumerate(looks) if look[0].run.scenario == looks[first[0]][0].run.scenario]
-            if len(places) < len(alike) or not all(looks[n][1] for n in alike):
+            alike = [
+                n
+                for n, exploration in enumerate(results)
+                if exploration[0].run.scenario == results[first[0]][0].run.scenario
+            ]
+            if len(places) < len(alike) or not all(results[n][1] for n in alike):
                 continue
-        names = tuple(looks[number][0].name for number, _ in places)
-        merged.append(MergedFinding(looks[first[0]][2][first[1]], names, len(looks), first))
+        names = tuple(results[number][0].name for number, _ in places)
+        merged.append(MergedFinding(results[first[0]][2][first[1]], names, len(results), first))
     return sorted(merged, key=lambda each: _LEVELS.index(each.finding.level))
 
 
@@ -277,14 +287,14 @@ _NUMBERS = re.compile(r"[0-9][0-9,.]*")
 """Numbers of situations, which differ between kinds of session."""
 
 
-def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
+def _explore_kind(study: Study, kind: SessionKind, scenario: Scenario) -> KindExploration:
     until = time.thread_time() + QUICK_SECONDS
     exploration, played = explore_kind(
         study, kind, scenario, quick_bounds(scenario), go_on=lambda space: time.thread_time() < until
     )
     findings = findings_of(study, kind, exploration, played)
     acts = tuple(sorted(played.acts))
-    return KindLook(exploration.situations, exploration.is_complete, played.is_complete, acts, findings)
+    return KindExploration(exploration.situations, exploration.is_complete, played.is_complete, acts, findings)
 
 
 def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:
@@ -296,16 +306,16 @@ def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:
 class _Kept(Struct, frozen=True):
     """The contents of `.kinds.json`."""
 
-    looks: dict[str, KindLook]
+    looks: dict[str, KindExploration]
     sum: str
     """The checksum of the results, which are ignored if somebody has edited them."""
 
 
-def _sum(looks: Mapping[str, KindLook]) -> str:
-    return sha256(encode(looks)).hexdigest()
+def _sum(results: Mapping[str, KindExploration]) -> str:
+    return sha256(encode(results)).hexdigest()
 
 
-def _read_kept(folder: Path) -> dict[str, KindLook]:
+def _read_kept(folder: Path) -> dict[str, KindExploration]:
     try:
         kept = msgspec.json.decode((folder / KEPT).read_bytes(), type=_Kept)
     except (OSError, msgspec.DecodeError):

@@ -171,7 +171,7 @@ def _signal_group(group: int, number: signal.Signals) -> None:
 # --- the programs of a study ----------------------------------------------------------------------------------------
 
 
-def look_with_program(
+def run_program_check(
     arguments: Sequence[str], context: CheckContext, limit: float, cancelled: Event | None = None
 ) -> Finding:
     """Run a study's own check (blocking). Exit status 0 passes; the first line of output is the value."""
@@ -252,7 +252,7 @@ class ChildRequest(Struct, frozen=True):
     """The study's id."""
 
 
-def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:
+def run_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:
     """Run a check in a child and return its finding (blocking).
 
     :param request: the request.

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias, TypeVar
 from rise_engine.base.errors import RiseError
 from rise_engine.checks import automatic
 from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding, make_outcome
-from rise_engine.checks.programs import KINDS, ChildRequest, look_in_child, look_with_program
+from rise_engine.checks.programs import KINDS, ChildRequest, run_in_child, run_program_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
 from rise_engine.study.model import StudyCheck
@@ -119,7 +119,7 @@ async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
     limit = limit_seconds(check)
 
     def work(cancelled: Event) -> Finding:
-        return _look(check, context, limit, cancelled)
+        return _run_check(check, context, limit, cancelled)
 
     try:
         # Programs and children apply the limit themselves, so that their output until then is reported.
@@ -134,11 +134,11 @@ async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
     return make_outcome(check, finding)
 
 
-def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Event) -> Finding:
+def _run_check(check: StudyCheck, context: CheckContext, limit: float, cancelled: Event) -> Finding:
     study = context.study
     sessions = Path(study.folder) / SESSIONS
     if check.run:
-        return look_with_program(check.run, context, limit, cancelled)
+        return run_program_check(check.run, context, limit, cancelled)
     if check.auto in KINDS:
         if check.auto == "recorder":
             decision = _decide_recording(context)
@@ -156,16 +156,16 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
             recording=study.recording,
             task=study.id,
         )
-        return look_in_child(request, limit, cancelled)
+        return run_in_child(request, limit, cancelled)
     match check.auto:
         case "disk":
-            return automatic.look_at_disk(sessions, check.minimum)
+            return automatic.check_disk(sessions, check.minimum)
         case "wizard":
-            return automatic.look_at_wizard(context.wizard, study.wizards)
-    look = _OF_THE_STUDY.get(check.auto)
-    if look is None:
+            return automatic.check_wizard(context.wizard, study.wizards)
+    check_study = _CHECKS_OF_STUDY.get(check.auto)
+    if check_study is None:
         return Finding(False, reason=f"this version cannot look at {check.auto!r}")
-    return look(context, read_state(Path(study.folder)))
+    return check_study(context, read_state(Path(study.folder)))
 
 
 def _decide_recording(context: CheckContext) -> RecordingDecision:
@@ -174,33 +174,33 @@ def _decide_recording(context: CheckContext) -> RecordingDecision:
     return decide_recording(context.study, participants, context.participant, context.purpose)
 
 
-def _look_at_clock(context: CheckContext, state: StudyStatus) -> Finding:
+def _check_clock(context: CheckContext, state: StudyStatus) -> Finding:
     sessions = [each.entry for each in state.sessions]
-    return automatic.look_at_clock(context.now(), state.log, sessions, automatic.is_clock_synchronised())
+    return automatic.check_clock(context.now(), state.log, sessions, automatic.is_clock_synchronised())
 
 
-def _look_at_consent(context: CheckContext, state: StudyStatus) -> Finding:
+def _check_consent(context: CheckContext, state: StudyStatus) -> Finding:
     name = context.participant
     participant = next((each for each in state.participants if each.participant == name), None)
-    return automatic.look_at_consent(state.study.consent, participant, name, context.now().date())
+    return automatic.check_consent(state.study.consent, participant, name, context.now().date())
 
 
-def _look_at_participant(context: CheckContext, state: StudyStatus) -> Finding:
+def _check_participant(context: CheckContext, state: StudyStatus) -> Finding:
     name = context.participant
     standing = next((each for each in state.standing.participants if each.participant == name), None)
-    return automatic.look_at_participant(name, state.participants, standing, context.run)
+    return automatic.check_participant(name, state.participants, standing, context.run)
 
 
-def _look_at_scenario(context: CheckContext, state: StudyStatus) -> Finding:
-    return automatic.look_at_scenario(Path(context.scenario), state.study, state.log)
+def _check_scenario(context: CheckContext, state: StudyStatus) -> Finding:
+    return automatic.check_scenario(Path(context.scenario), state.study, state.log)
 
 
-_LookAtStudy: TypeAlias = Callable[[CheckContext, StudyStatus], Finding]
-_OF_THE_STUDY: dict[str, _LookAtStudy] = {
-    "clock": _look_at_clock,
-    "consent": _look_at_consent,
-    "participant": _look_at_participant,
-    "scenario": _look_at_scenario,
+_CheckFunction: TypeAlias = Callable[[CheckContext, StudyStatus], Finding]
+_CHECKS_OF_STUDY: dict[str, _CheckFunction] = {
+    "clock": _check_clock,
+    "consent": _check_consent,
+    "participant": _check_participant,
+    "scenario": _check_scenario,
 }
 
 

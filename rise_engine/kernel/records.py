@@ -71,7 +71,7 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
     return "; ".join(map(describe_open_goal, goals))
 
 
-def look_at_robot_text(goals: Iterable[OpenGoal]) -> str:
+def open_goals_warning(goals: Iterable[OpenGoal]) -> str:
     """The warning at the end of a session that left these goals open; empty for none."""
     told = describe_open_goals(goals)
     return f"LOOK AT THE ROBOT: {told}" if told else ""

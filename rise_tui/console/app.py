@@ -13,7 +13,7 @@ from textual import events, on
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import NOT_WRITTEN, STILL_RUNNING
-from rise_engine.kernel.records import look_at_robot_text
+from rise_engine.kernel.records import open_goals_warning
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -237,7 +237,7 @@ class ConsoleApp(RiseApp):
                 self._session.show_notice(Notice("the session did not end in time: nothing new was started", "fault"))
             return
         store = self._session.store
-        warning = unrecorded_end_text(store) or look_at_robot_text(store.view.left_open)
+        warning = unrecorded_end_text(store) or open_goals_warning(store.view.left_open)
         await self._close_console_screen()
         await self._start_session(scenario, settings, warning)
 
@@ -395,7 +395,7 @@ class ConsoleApp(RiseApp):
             session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
         elif closed == "done":
             store = session.store
-            warning = unrecorded_end_text(store) or look_at_robot_text(store.view.left_open)
+            warning = unrecorded_end_text(store) or open_goals_warning(store.view.left_open)
             sentence = "; ".join(filter(None, (warning, ending.sentence)))
             await self._show_study(sentence)
             if (screen := self.study_screen) is not None and (folder := session.store.attach_reply.folder):

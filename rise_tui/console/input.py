@@ -129,7 +129,7 @@ class InputController:
         `typing`: it goes into a text field. `together`: it came in one piece with others.
         """
         self._key_at = at
-        self._look_for_standstill()
+        self._check_standstill()
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
         if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may be close
             if at >= self._paste_until and not typing:
@@ -140,10 +140,10 @@ class InputController:
 
     def note_alive(self) -> None:
         """Note that the console works. Called every second."""
-        self._look_for_standstill()
+        self._check_standstill()
         self._alive_at, self._suspended = self._clock(), suspended_seconds()
 
-    def _look_for_standstill(self) -> None:
+    def _check_standstill(self) -> None:
         """Ignore keys for a moment after a standstill of the console."""
         now, suspended = self._clock(), suspended_seconds()
         stood = now - self._alive_at + suspended - self._suspended

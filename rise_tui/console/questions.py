@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 
 from rise_engine.kernel.behaviors import release_behavior
-from rise_engine.kernel.records import look_at_robot_text, stopper_words
+from rise_engine.kernel.records import open_goals_warning, stopper_words
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
 from rise_tui.config.preferences import abbreviate_home
@@ -103,8 +103,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         kept = store.attach_reply.folder
         if store.end_unrecorded:
             return f"{lead}{unrecorded_end_text(store)}\nthe record until then is in {abbreviate_home(kept)}"
-        if left := look_at_robot_text(store.view.left_open):
-            lead = f"{left}\n{lead}"
+        if warning := open_goals_warning(store.view.left_open):
+            lead = f"{warning}\n{lead}"
         if not kept:
             return f"{lead}ended: {title}"
         where = abbreviate_home(kept)

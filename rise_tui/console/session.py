@@ -79,11 +79,11 @@ class ConsoleSession:
                 return
         if self._is_closed:
             return
-        await self._look_for_recorded_end()
+        await self._check_recorded_end()
         ended = self.store.view.end_reason
         self._note_engine_gone(ended or "it has ended", over=True)
 
-    async def _look_for_recorded_end(self) -> None:
+    async def _check_recorded_end(self) -> None:
         """Check on this disk whether the record of a session that is over has an end."""
         attached = self.store.attach_reply
         folder = Path(attached.folder)
@@ -243,7 +243,7 @@ class ConsoleSession:
         self._is_closed = not end_session  # the end of the records has no meaning then
         await self.client.close(end_session=end_session)
         if end_session:
-            await self._look_for_recorded_end()
+            await self._check_recorded_end()
 
     def _note_engine_gone(self, reason: str, *, over: bool) -> None:
         store = self.store

@@ -234,14 +234,14 @@ class EditedStudy:
         :param busy: the work, in a word. :raises EditRefused: it cannot be done, and nothing has changed.
         """
 
-        def work_and_look() -> tuple[Result, StudyDraft]:
+        def work_and_draft() -> tuple[Result, StudyDraft]:
             result = work(self.workspace)
             return result, draft_of(self.workspace)
 
         async with self._turn:
             self.busy = busy
             try:
-                result, self.draft = await asyncio.to_thread(work_and_look)
+                result, self.draft = await asyncio.to_thread(work_and_draft)
             finally:
                 self.busy = ""
         return result

@@ -158,7 +158,7 @@ class TextsPage(SentencePage):
 
     def leave(self) -> bool:
         if self.view.only or self.view.wanted:
-            self._look_at(self.view._replace(only=False, wanted=""))
+            self._show_view(self.view._replace(only=False, wanted=""))
             return True
         return False
 
@@ -167,7 +167,7 @@ class TextsPage(SentencePage):
         return {
             "edit.open": self.open_current,
             "edit.other": lambda: self._turn_to(1 - self.column),
-            "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
+            "edit.only": lambda: self._show_view(self.view._replace(only=not self.view.only)),
             "edit.still-right": self._still_right,
             "edit.go": self._go_to_act,
             "edit.language": self._choose_language,
@@ -175,7 +175,7 @@ class TextsPage(SentencePage):
             "edit.remove": self._remove,
         }
 
-    def _look_at(self, view: TextsView) -> None:
+    def _show_view(self, view: TextsView) -> None:
         """Show another part of the texts. The cursor stays on its text if that is still shown."""
         self.view = view._replace(id=self.entry.text.id if self.entry is not None else "")
         self.draw()
@@ -185,7 +185,7 @@ class TextsPage(SentencePage):
         if column == 1 and not self.view.language:
             raise EditRefused("the study has one language: a adds another")
         self.column = column
-        self._look_at(self.view)
+        self._show_view(self.view)
 
     def turn(self, step: int) -> bool:
         """Go through the acts' texts and then the languages in order."""
@@ -196,7 +196,7 @@ class TextsPage(SentencePage):
             self.view, self.column = self.view._replace(language=languages[at]), 1
         elif at < 0:
             self.column = 0
-        self._look_at(self.view)
+        self._show_view(self.view)
         return True
 
     def _still_right(self) -> None:
@@ -216,7 +216,7 @@ class TextsPage(SentencePage):
 
     def _show_language(self, language: str) -> None:
         self.column = 1
-        self._look_at(self.view._replace(language=language))
+        self._show_view(self.view._replace(language=language))
 
     def _choose_language(self) -> None:
         """Let the author choose a language, or add a new one."""

@@ -46,7 +46,7 @@ def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | N
     return expected_seconds(spec, action.parameters) if spec is not None else None
 
 
-LOOK_BACK = 2_000
+MAX_SEARCHED_TASKS = 2_000
 """Number of tasks that are searched for the latest sentence when a console attaches."""
 UNKNOWN = frozenset({"timed-out", "lost"})
 """Endings after which the robot's deeds are unknown."""
@@ -89,7 +89,7 @@ class SentenceTracker:
         self._durations.clear()
         self._expected = self._measured = 0.0
         latest = float("-inf")
-        for task in list(view.tasks.values())[-LOOK_BACK:]:
+        for task in list(view.tasks.values())[-MAX_SEARCHED_TASKS:]:
             for action in self._sentences_of(task):
                 if action.ended is None:
                     continue

@@ -42,7 +42,7 @@ MIN_SENTENCE_WIDTH = 20
 """Minimum cells of a sentence beside other upcoming steps."""
 LABEL = " next  "
 GAP: StyledSpan = ("  ·  ", "muted")
-LOOKS: dict[str, StyledSpan] = {
+KIND_STYLES: dict[str, StyledSpan] = {
     "nothing": ("·", "muted"),
     "sent": ("↑", "wait"),
     "says": ("►", "strong"),
@@ -85,7 +85,7 @@ def changes_by_tenths(store: Store) -> bool:
 
 
 def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
-    (glyph, role), note = LOOKS[sentence.kind], _status_note(sentence)
+    (glyph, role), note = KIND_STYLES[sentence.kind], _status_note(sentence)
     if sentence.kind == "nothing":
         return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
     if store.gone_reason and sentence.kind in ("says", "sent"):

@@ -121,7 +121,7 @@ def repaint_everything(app: App[Any]) -> None:
 # piece. Then `/` and the letters after it would all go to the list in which `/` opens a line.
 
 
-LOOK_SECONDS = 0.004
+CHECK_SECONDS = 0.004
 """Seconds between two checks whether a screen has opened, or work is done."""
 MAX_CHECKS = 500
 """Maximum number of checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
@@ -165,7 +165,7 @@ class KeyQueue:
                 carried_out = asyncio.create_task(self._carried_out())
                 try:
                     for _ in range(MAX_CHECKS):
-                        if (await asyncio.wait([carried_out], timeout=LOOK_SECONDS))[0]:
+                        if (await asyncio.wait([carried_out], timeout=CHECK_SECONDS))[0]:
                             carried_out.result()
                             break
                 finally:
@@ -178,7 +178,7 @@ class KeyQueue:
         for _ in range(ROUNDS):
             await self._go_round()
             while not self._is_ready:  # noqa: ASYNC110 - no event announces this
-                await asyncio.sleep(LOOK_SECONDS)
+                await asyncio.sleep(CHECK_SECONDS)
 
     async def _go_round(self) -> None:
         """Wait until everything from the focus up to the app has handled its present messages."""

@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from rise_engine.checks.automatic import (
+    check_clock,
+    check_consent,
+    check_disk,
+    check_participant,
+    check_scenario,
+    check_wizard,
     is_clock_synchronised,
-    look_at_clock,
-    look_at_consent,
-    look_at_disk,
-    look_at_participant,
-    look_at_scenario,
-    look_at_wizard,
     size_text,
 )
 from rise_engine.checks.outcome import Finding
@@ -45,27 +45,27 @@ def free(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def test_disk_with_room(tmp_path: Path, free: list[Any]) -> None:
-    assert look_at_disk(tmp_path, "") == Finding(True, "5.0 GB free")
-    assert look_at_disk(tmp_path, "5 GB") == Finding(True, "5.0 GB free")
+    assert check_disk(tmp_path, "") == Finding(True, "5.0 GB free")
+    assert check_disk(tmp_path, "5 GB") == Finding(True, "5.0 GB free")
 
 
 def test_disk_without(tmp_path: Path, free: list[Any]) -> None:
     reason = f"20.0 GB must be free in {tmp_path}"
-    assert look_at_disk(tmp_path, "20 GB") == Finding(False, "5.0 GB free", reason)
+    assert check_disk(tmp_path, "20 GB") == Finding(False, "5.0 GB free", reason)
     free[0] = 999_999_999
-    assert not look_at_disk(tmp_path, "").passed
+    assert not check_disk(tmp_path, "").passed
     free[0] = 1_000_000_000
-    assert look_at_disk(tmp_path, "").passed
+    assert check_disk(tmp_path, "").passed
 
 
 def test_disk_of_a_folder_that_has_still_to_be_made(tmp_path: Path, free: list[Any]) -> None:
-    assert look_at_disk(tmp_path / "study" / "sessions", "").passed
+    assert check_disk(tmp_path / "study" / "sessions", "").passed
     assert free[1:] == [tmp_path]
 
 
 def test_disk_that_may_not_be_written(tmp_path: Path, free: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert look_at_disk(tmp_path, "") == Finding(False, "5.0 GB free", f"{tmp_path} may not be written")
+    assert check_disk(tmp_path, "") == Finding(False, "5.0 GB free", f"{tmp_path} may not be written")
 
 
 def test_disk_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,7 +73,7 @@ def test_disk_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr(shutil, "disk_usage", usage)
-    assert look_at_disk(tmp_path, "").reason == f"the disk of {tmp_path} does not answer: Input/output error"
+    assert check_disk(tmp_path, "").reason == f"the disk of {tmp_path} does not answer: Input/output error"
 
 
 def test_sizes_in_words() -> None:
@@ -87,16 +87,16 @@ def entry(started: str) -> SessionEntry:
 
 
 def test_clock_that_a_server_sets() -> None:
-    assert look_at_clock(NOW, [], [], True) == Finding(True, "2026-11-22 10:00 UTC+01:00, set by a time server")
+    assert check_clock(NOW, [], [], True) == Finding(True, "2026-11-22 10:00 UTC+01:00, set by a time server")
 
 
 def test_clock_of_which_nobody_knows_who_sets_it() -> None:
-    found = look_at_clock(NOW, [checked("a", "passed", NOW)], [entry("2026-11-22T08:59:59+00:00")], None)
+    found = check_clock(NOW, [checked("a", "passed", NOW)], [entry("2026-11-22T08:59:59+00:00")], None)
     assert found.passed and found.value.endswith("whether a time server sets it is not known here")
 
 
 def test_clock_that_nobody_sets() -> None:
-    found = look_at_clock(NOW, [], [], False)
+    found = check_clock(NOW, [], [], False)
     assert not found.passed
     assert found.reason == ("no time server has set the clock; connect to one, or set it by hand")
 
@@ -106,13 +106,13 @@ def test_clock_that_nobody_sets() -> None:
 def test_clock_before_what_was_last_recorded(of: str, synchronised: bool | None) -> None:
     later = "2026-11-22T09:00:01+00:00"  # a second after ten o'clock where the clock is
     log = [checked("a", "passed", later)] if of == "log" else []
-    found = look_at_clock(NOW, log, [entry(later)] if of == "sessions" else [], synchronised)
+    found = check_clock(NOW, log, [entry(later)] if of == "sessions" else [], synchronised)
     assert found.reason == ("that is before what was last recorded in this study (2026-11-22 10:00); set the clock")
 
 
 def test_clock_and_times_that_are_none() -> None:
     log = [checked("a", "passed", "soon"), checked("a", "passed", "2099-01-01T00:00:00")]
-    assert look_at_clock(NOW, log, [entry("")], True).passed
+    assert check_clock(NOW, log, [entry("")], True).passed
 
 
 @pytest.mark.parametrize(("said", "found"), [("yes", True), ("no", False), ("", None), ("perhaps", None)])
@@ -134,15 +134,15 @@ TODAY = date(2026, 11, 22)
 
 def test_consent() -> None:
     person = Participant("P07", consent={"study": "2026-11-22", "recording": "2026-10-01"})
-    assert look_at_consent(["study", "recording"], person, "P07", TODAY) == Finding(
+    assert check_consent(["study", "recording"], person, "P07", TODAY) == Finding(
         True, "study 2026-11-22, recording 2026-10-01"
     )
-    assert look_at_consent([], person, "P07", TODAY) == Finding(True, "the study asks for no consent")
+    assert check_consent([], person, "P07", TODAY) == Finding(True, "the study asks for no consent")
 
 
 def test_consent_that_is_missing_says_all_of_it() -> None:
     person = Participant("P07", consent={"study": "", "recording": "2026-11-23", "video": "yes"}, line=8)
-    assert look_at_consent(["study", "recording", "video", "sound"], person, "P07", TODAY) == Finding(
+    assert check_consent(["study", "recording", "video", "sound"], person, "P07", TODAY) == Finding(
         False,
         reason="P07: consent_study has no date; consent_recording is 2026-11-23, which is still to come; "
         "consent_video is 'yes', which is not a date such as 2026-11-22; consent_sound has no date; "
@@ -151,7 +151,7 @@ def test_consent_that_is_missing_says_all_of_it() -> None:
 
 
 def test_consent_of_somebody_unknown() -> None:
-    assert look_at_consent(["study"], None, "P99", TODAY) == Finding(
+    assert check_consent(["study"], None, "P99", TODAY) == Finding(
         False, reason="P99 is not in participants.csv, so nothing is known of consent"
     )
 
@@ -164,12 +164,12 @@ LISTED = [Participant("P06"), Participant("P07")]
 
 
 def test_participant_who_may_begin() -> None:
-    found = look_at_participant("P07", LISTED, standing("waiting"), 0)
+    found = check_participant("P07", LISTED, standing("waiting"), 0)
     assert found == Finding(True, "P07, run 1 of 2")
     again = standing("aborted", next_run=2, next_attempt=2)
-    assert look_at_participant("P07", LISTED, again, 2) == Finding(True, "P07, run 2 of 2, attempt 2")
+    assert check_participant("P07", LISTED, again, 2) == Finding(True, "P07, run 2 of 2, attempt 2")
     # Consent is another check's, which says more about it.
-    assert look_at_participant("P07", LISTED, standing("no-consent", why="no date in consent_study"), 0).passed
+    assert check_participant("P07", LISTED, standing("no-consent", why="no date in consent_study"), 0).passed
 
 
 @pytest.mark.parametrize(
@@ -189,18 +189,18 @@ def test_participant_who_may_begin() -> None:
     ],
 )
 def test_participant_who_may_not(state: str, more: dict[str, Any], reason: str) -> None:
-    assert look_at_participant("P07", LISTED, standing(state, **more), 0) == Finding(False, reason=reason)
+    assert check_participant("P07", LISTED, standing(state, **more), 0) == Finding(False, reason=reason)
 
 
 def test_participant_who_has_done_that_run() -> None:
     done = SessionEntry("P07", 1, 1, "counted", "folder", "", "ended", outcome="complete")
-    found = look_at_participant("P07", LISTED, standing("to-go-on", next_run=2, sessions=(done,)), 1)
+    found = check_participant("P07", LISTED, standing("to-go-on", next_run=2, sessions=(done,)), 1)
     assert found == Finding(False, reason="P07 has done run 1 before")
 
 
 def test_participant_who_is_unknown() -> None:
-    assert look_at_participant("", LISTED, None, 0) == Finding(False, reason="no participant is named")
-    assert look_at_participant("P7", LISTED, None, 0) == Finding(
+    assert check_participant("", LISTED, None, 0) == Finding(False, reason="no participant is named")
+    assert check_participant("P7", LISTED, None, 0) == Finding(
         False, reason="there is no participant P7 in participants.csv; did you mean `P07`?"
     )
 
@@ -215,32 +215,32 @@ def test_scenario_as_it_was_planned(tmp_path: Path) -> None:
     scenario = load(made).scenario
     assert scenario is not None
     log = planned(scenario=scenario.hash)
-    assert look_at_scenario(made, study(tmp_path), log) == Finding(True, "`scenario` is as it was on 2026-11-10")
+    assert check_scenario(made, study(tmp_path), log) == Finding(True, "`scenario` is as it was on 2026-11-10")
     (made / "acts" / "greet.xml").write_text((made / "acts" / "greet.xml").read_text().replace("Hello", "Hi"))
-    found = look_at_scenario(made, study(tmp_path), log)
+    found = check_scenario(made, study(tmp_path), log)
     assert not found.passed
     assert found.reason == (
         "the scenario `scenario`, or the robot that it runs on, was changed since the plan of 2026-11-10; put it back "
         "as it was, or confirm the change (rise-engine study plan --again REASON)"
     )
     (made / "acts" / "greet.xml").write_text("<Dialog>")
-    assert look_at_scenario(made, study(tmp_path), log).reason.startswith("the scenario `scenario` has errors: acts/")
+    assert check_scenario(made, study(tmp_path), log).reason.startswith("the scenario `scenario` has errors: acts/")
 
 
 def test_scenario_without_a_plan_or_of_another_one(tmp_path: Path) -> None:
     made = folder(tmp_path / "scenario")
-    assert look_at_scenario(made, study(tmp_path), []).reason == "there is no plan yet: rise-engine study plan"
-    assert look_at_scenario(made, study(tmp_path), planned(other="x")).reason == (
+    assert check_scenario(made, study(tmp_path), []).reason == "there is no plan yet: rise-engine study plan"
+    assert check_scenario(made, study(tmp_path), planned(other="x")).reason == (
         "the plan of 2026-11-10 does not know the scenario `scenario`; make it again "
         "(rise-engine study plan --again REASON)"
     )
 
 
 def test_wizard() -> None:
-    assert look_at_wizard("anna", {}) == Finding(True, "anna")
-    assert look_at_wizard("  ", {}) == Finding(False, reason="the wizard has given no name (--wizard NAME)")
+    assert check_wizard("anna", {}) == Finding(True, "anna")
+    assert check_wizard("  ", {}) == Finding(False, reason="the wizard has given no name (--wizard NAME)")
     for name in ("root", "Lab", "pi"):
-        assert look_at_wizard(name, {}) == Finding(
+        assert check_wizard(name, {}) == Finding(
             False,
             name,
             "this is an account or a role, and does not say who it is; --wizard NAME, or add it to [wizards] in "
@@ -250,12 +250,12 @@ def test_wizard() -> None:
 
 def test_wizard_where_the_study_lists_them() -> None:
     wizards = {"anna": "W1", "lab": "W2"}
-    assert look_at_wizard("lab", wizards).passed  # whoever wrote that knows who it is
-    assert look_at_wizard("ana", wizards) == Finding(
+    assert check_wizard("lab", wizards).passed  # whoever wrote that knows who it is
+    assert check_wizard("ana", wizards) == Finding(
         False, "ana", "not in the table [wizards] of study.toml; did you mean `anna`?"
     )
 
 
 def test_a_moment_is_the_same_wherever_its_clock_hangs() -> None:
     tokyo = NOW.astimezone(timezone(timedelta(hours=9)))
-    assert look_at_clock(tokyo, [checked("a", "passed", NOW)], [], True).passed
+    assert check_clock(tokyo, [checked("a", "passed", NOW)], [], True).passed

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.checks.devices import look_at_recorders
+from rise_engine.checks.devices import check_recorders
 from rise_engine.checks.outcome import CheckContext, Finding
 from rise_engine.checks.programs import ChildRequest
 from rise_engine.checks.runner import run_check
@@ -51,7 +51,7 @@ async def test_what_records_and_grows_has_passed_and_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, scratch: Path
 ) -> None:
     asked, made = request(monkeypatch, camera={}, bag={})
-    assert await look_at_recorders(asked) == Finding(
+    assert await check_recorders(asked) == Finding(
         True, "camera: a recorder of the tests; bag: a recorder of the tests"
     )
     assert all(each.calls[-2:] == ["stop", "close"] for each in made) and not list(scratch.glob("*"))  # noqa: ASYNC240
@@ -68,7 +68,7 @@ async def test_what_says_that_it_records_and_writes_nothing_has_failed(
         recorder.recording = False
 
     asked, _ = request(monkeypatch, camera={"status": empty, "stop": nothing}, bag={})
-    found = await look_at_recorders(asked)
+    found = await check_recorders(asked)
     assert not found.passed
     assert found.reason == "camera: it said that it records, and in 3 s its file did not grow"
 
@@ -86,7 +86,7 @@ async def test_one_that_fails_says_why_and_is_stopped(
     monkeypatch: pytest.MonkeyPatch, scratch: Path, call: str, behaviour: Any, reason: str
 ) -> None:
     asked, made = request(monkeypatch, camera={call: behaviour}, bag={})
-    found = await look_at_recorders(asked)
+    found = await check_recorders(asked)
     assert not found.passed and found.reason == f"camera: {reason}"
     assert ("stop" in made[0].calls) == (call != "prepare") and made[0].calls[-1] == "close"
     assert not list(scratch.glob("*"))  # noqa: ASYNC240
@@ -104,7 +104,7 @@ async def test_a_test_file_that_lies_elsewhere_is_named(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(TestRecorder, "stop", stop)
     monkeypatch.setattr(TestRecorder, "status", status)
-    found = await look_at_recorders(asked)
+    found = await check_recorders(asked)
     assert found.passed and "the test file of obs is still at D:/videos/test.mkv" in found.value
 
 

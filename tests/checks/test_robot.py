@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from rise_engine.checks.devices import (
     ANSWER_SECONDS,
     WORD_SECONDS,
-    look_at_robot,
+    check_robot,
     say_word,
     word_for,
 )
@@ -32,7 +32,7 @@ def use(monkeypatch: pytest.MonkeyPatch, **behaviour: object) -> type[Lamp]:
 
 async def test_one_that_answers_has_passed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kind = use(monkeypatch)
-    assert await look_at_robot(scenario(tmp_path)) == Finding(True, "Lamp on a wire: 2 actions offered")
+    assert await check_robot(scenario(tmp_path)) == Finding(True, "Lamp on a wire: 2 actions offered")
     assert kind.made.closed and not hasattr(kind.made, "said")
 
 
@@ -40,10 +40,10 @@ async def test_what_nothing_stops_is_named(tmp_path: Path, monkeypatch: pytest.M
     use(monkeypatch)
     said = [ProfileFinding("cannot be stopped", "actions.Speech.carrier.topic", "unstoppable")]
     monkeypatch.setattr("rise_engine.checks.devices.profile_findings", lambda profile: said)
-    found = await look_at_robot(scenario(tmp_path))
+    found = await check_robot(scenario(tmp_path))
     assert found == Finding(True, "Lamp on a wire: 2 actions offered; F9 cannot stop Speech")
     said.append(ProfileFinding("no such field", "actions.Speech.carrier.message.x"))
-    assert await look_at_robot(scenario(tmp_path / "two")) == Finding(False, reason="no such field")
+    assert await check_robot(scenario(tmp_path / "two")) == Finding(False, reason="no such field")
 
 
 @pytest.mark.parametrize(
@@ -68,23 +68,23 @@ def test_what_people_know_of_the_robot_before_a_session(
 
 async def test_one_that_is_not_there_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, links=((3.0, "lost", "the lamp is dark"),))
-    assert await look_at_robot(scenario(tmp_path)) == Finding(False, reason="the lamp is dark")
+    assert await check_robot(scenario(tmp_path)) == Finding(False, reason="the lamp is dark")
     use(monkeypatch, links=((3.0, "degraded", "one bulb is dark"),))
-    assert await look_at_robot(scenario(tmp_path / "two")) == Finding(False, reason="one bulb is dark")
+    assert await check_robot(scenario(tmp_path / "two")) == Finding(False, reason="one bulb is dark")
 
 
 async def test_what_it_says_last_within_a_moment_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, links=((1.0, "lost", "not yet"), (1.5, "connected", "here"), (2.2, "degraded", "two of them")))
-    assert await look_at_robot(scenario(tmp_path)) == Finding(False, reason="two of them")
+    assert await check_robot(scenario(tmp_path)) == Finding(False, reason="two of them")
     use(monkeypatch, links=((1.0, "lost", "not yet"), (1.5, "connected", "here"), (9.0, "lost", "later")))
-    assert (await look_at_robot(scenario(tmp_path / "two"))).passed
+    assert (await check_robot(scenario(tmp_path / "two"))).passed
 
 
 async def test_one_that_never_says_anything_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kind = use(monkeypatch, links=())
     loop = asyncio.get_running_loop()
     began = loop.time()
-    assert await look_at_robot(scenario(tmp_path)) == Finding(False, reason="Lamp did not answer within 30 s")
+    assert await check_robot(scenario(tmp_path)) == Finding(False, reason="Lamp did not answer within 30 s")
     assert ANSWER_SECONDS <= loop.time() - began < ANSWER_SECONDS + 1 and kind.made.closed
 
 
@@ -93,27 +93,27 @@ async def test_one_whose_link_flickers_is_no_endless_matter(tmp_path: Path, monk
     use(monkeypatch, links=flickering)
     loop = asyncio.get_running_loop()
     began = loop.time()
-    await look_at_robot(scenario(tmp_path))
+    await check_robot(scenario(tmp_path))
     assert loop.time() - began < ANSWER_SECONDS + 2
 
 
 async def test_a_driver_that_is_not_there_or_wants_other_options(tmp_path: Path) -> None:
-    found = await look_at_robot(scenario(tmp_path))
+    found = await check_robot(scenario(tmp_path))
     assert not found.passed and found.reason.startswith("the robot driver 'lamp' is not installed: a driver is")
     simulated = scenario(tmp_path / "two", profile='driver = "simulated"\n[options]\nlatency = "soon"\n' + ACTIONS)
-    found = await look_at_robot(replace(simulated, mode="debug"))
+    found = await check_robot(replace(simulated, mode="debug"))
     assert found == Finding(False, reason="the robot profile 'lamp': latency must be a number from 0 to 60")
 
 
 async def test_a_simulated_robot_passes_in_debug_and_says_so(tmp_path: Path) -> None:
     request = replace(scenario(tmp_path), mode="debug")
-    assert await look_at_robot(request) == Finding(True, "simulated Lamp: nothing leaves this machine")
+    assert await check_robot(request) == Finding(True, "simulated Lamp: nothing leaves this machine")
     assert await say_word(request) == Finding(True, "the robot is simulated: there is nothing to hear")
 
 
 async def test_a_simulated_robot_fails_when_it_is_to_be_real(tmp_path: Path) -> None:
     request = scenario(tmp_path, profile=f'title = "Lamp"\n{ACTIONS}')
-    for look in (look_at_robot, say_word):
+    for look in (check_robot, say_word):
         found = await look(request)
         assert found == Finding(
             False,
@@ -125,7 +125,7 @@ async def test_a_simulated_robot_fails_when_it_is_to_be_real(tmp_path: Path) -> 
 async def test_a_scenario_with_errors_is_told(tmp_path: Path) -> None:
     request = scenario(tmp_path)
     (tmp_path / "scenario" / "acts" / "broken.xml").write_text("<Dialog>")
-    found = await look_at_robot(request)
+    found = await check_robot(request)
     assert not found.passed and found.reason.startswith("the scenario has errors: acts/broken.xml:1:")
 
 

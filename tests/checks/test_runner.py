@@ -10,7 +10,7 @@ from threading import Event
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.checks.devices import look_at_last_session
+from rise_engine.checks.devices import check_last_session
 from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding
 from rise_engine.checks.runner import append_checked, call_in_background, limit_seconds, report_check, run_check
 from rise_engine.kernel.inputs import CheckReport
@@ -124,7 +124,7 @@ async def test_a_study_that_is_real_is_not_ready_with_a_simulated_robot(tmp_path
 
 
 def test_a_study_without_a_session_has_nothing_to_replay(tmp_path: Path) -> None:
-    assert look_at_last_session(tmp_path / "sessions") == Finding(True, "there is no earlier session")
+    assert check_last_session(tmp_path / "sessions") == Finding(True, "there is no earlier session")
 
 
 async def test_the_last_session_replays(tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ async def test_the_last_session_replays(tmp_path: Path) -> None:
     assert outcome.result == "passed" and outcome.value.startswith(f"{made.folder.name}: identical, ")
     journal = made.folder / "journal.jsonl"
     journal.write_bytes(journal.read_bytes().replace(b"the neck is stuck", b"the neck is stick"))
-    found = look_at_last_session(made.folder.parent)
+    found = check_last_session(made.folder.parent)
     assert (found.passed, found.value) == (False, made.folder.name)
     assert found.reason.startswith("the last session ")
 

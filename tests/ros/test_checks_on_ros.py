@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import rise_adapters
 
-from rise_engine.checks.devices import look_at_robot
+from rise_engine.checks.devices import check_robot
 from rise_engine.checks.outcome import CheckContext
 from rise_engine.checks.programs import ChildRequest
 from rise_engine.checks.runner import run_check
@@ -37,14 +37,14 @@ async def test_a_robot_on_the_wire(ros: RosTransport, tmp_path: Path, monkeypatc
         (scenario / "robots" / f"{name}.toml").write_text(profile, "utf-8")
     connection = RosConnection(ros)
     request = ChildRequest("robot", str(scenario), "hasty", "real", connection)
-    missing_robot = await look_at_robot(request)
+    missing_robot = await check_robot(request)
     assert not missing_robot.passed and "is its wrapper running?" in missing_robot.reason
 
     command = (sys.executable, "-m", "rise_ros.examples.simulated_robot", "--robot", "rise", "--ros", ros)
     robot = Program(tmp_path / "robot.log", *command)
     try:
         await robot.says("point_at")
-        found = await look_at_robot(ChildRequest("robot", str(scenario), None, "real", connection))
+        found = await check_robot(ChildRequest("robot", str(scenario), None, "real", connection))
         assert found.passed and found.value.endswith(": 2 actions offered"), found
         assert 'Speech "' not in robot.said()  # nothing is sent to it
         study = Study(str(tmp_path), "Lab", "lab", 1, 4, "scenario", "real")

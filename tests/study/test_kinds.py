@@ -12,8 +12,8 @@ import pytest
 
 from rise_engine.author.explore.situation_graph import FindingLevel
 from rise_engine.checks import kinds
-from rise_engine.checks.kinds import KindFinding, MergedFinding, StudyLook, merge
-from rise_engine.cli.study.planning import look_lines
+from rise_engine.checks.kinds import KindFinding, MergedFinding, StudyExploration, merge
+from rise_engine.cli.study.planning import exploration_lines
 from rise_engine.study.model import PlannedRun
 from rise_engine.study.participants import SessionKind, session_kinds
 from rise_engine.study.study_log import read_log
@@ -86,8 +86,8 @@ def test_a_key_that_can_be_lost_is_shown_and_other_remarks_are_not() -> None:
         return MergedFinding(KindFinding(level, kind, f"what {kind} is", "scenario/rules/r.xml:3:1"), ("",), 1, (0, 0))
 
     findings = (found("warning", "lost-cue"), found("remark", "lost-key"), found("remark", "round"))
-    look = StudyLook((), (), findings, 0)
-    assert list(look_lines(look)) == [
+    look = StudyExploration((), (), findings, 0)
+    assert list(exploration_lines(look)) == [
         "scenario/rules/r.xml:3:1: warning lost-cue: what lost-cue is",
         "scenario/rules/r.xml:3:1: remark lost-key: what lost-key is",
         look.sentence,
@@ -165,8 +165,8 @@ def test_what_has_not_changed_is_looked_at_once(
     monkeypatch.setattr(kinds, "QUICK_SECONDS", 0.0)
     first = typed("study", "check", right).output
     looked: list[str] = []
-    look = kinds._look
-    monkeypatch.setattr(kinds, "_look", lambda study, kind, scenario: looked.append("") or look(study, kind, scenario))
+    explore = kinds._explore_kind
+    monkeypatch.setattr(kinds, "_explore_kind", lambda *of: looked.append("") or explore(*of))
     change(right)
     assert typed("study", "check", right).output == first
     assert len(looked) == again

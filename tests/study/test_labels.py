@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.checks.devices import look_at_last_session
+from rise_engine.checks.devices import check_last_session
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.analysis.reading import read_session
@@ -165,7 +165,7 @@ def _attach(study: Path, folder: Path, out: Path) -> tuple[int, str]:
 
 
 def _check_before(study: Path, folder: Path, out: Path) -> tuple[int, str]:
-    found = look_at_last_session(study / SESSIONS)
+    found = check_last_session(study / SESSIONS)
     return int(not found.passed), found.reason
 
 

@@ -23,7 +23,7 @@ CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.c
 (https://labstreaminglayer.readthedocs.io/info/lslapicfg.html)."""
 KEPT_SECTIONS = ("lab", "ports", "tuning")
 """The lab's sections that stay. With another session id, the lab's programs would not see the stream."""
-CLOCK_LOOKS = 20
+CLOCK_READINGS = 20
 """Number of comparisons of the two clocks. The fastest one counts."""
 
 
@@ -102,7 +102,7 @@ def library_settings(scope: str) -> str:
 def clock_offset(local_clock: Any) -> float:
     """Seconds from this computer's monotonic clock to the library's. On Linux they are the same clock: 0."""
     looks = []
-    for _ in range(CLOCK_LOOKS):
+    for _ in range(CLOCK_READINGS):
         before = time.monotonic()
         theirs = local_clock()
         looks.append((time.monotonic() - before, before, theirs))

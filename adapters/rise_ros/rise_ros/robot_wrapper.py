@@ -288,12 +288,12 @@ class DeadMansSwitch:
         self._watch = SessionWatch(timeout, required=required)
         qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(String, TOPIC, lambda said: self._watch.hear(said.data, time.monotonic()), qos)
-        node.create_timer(0.1, self._look)
+        node.create_timer(0.1, self._watch_session)
 
     def why_not_move(self) -> str:
         return self._watch.why_not_move(time.monotonic())
 
-    def _look(self) -> None:
+    def _watch_session(self) -> None:
         why = self.why_not_move()
         if why != self._told:
             self._log.warning(f"{why}: the robot stops, and takes no goals" if why else "the robot takes goals again")

@@ -103,9 +103,9 @@ class Exploration(Struct, frozen=True, kw_only=True):
     situations: int
     steps: int
     """The number of inputs to the kernel."""
-    looked_at: tuple[str, ...]
+    scope: tuple[str, ...]
     """Sentences on what was and was not explored."""
-    told: tuple[str, ...]
+    facts: tuple[str, ...]
     """Sentences on what holds."""
     findings: tuple[ExploreFinding, ...]
     """Problems first."""
@@ -128,8 +128,8 @@ class Exploration(Struct, frozen=True, kw_only=True):
             "scenario": self.scenario_hash,
             "complete": self.is_complete,
             "situations": self.situations,
-            "looked_at": self.looked_at,
-            "told": self.told,
+            "looked_at": self.scope,
+            "told": self.facts,
             "findings": findings,
             "keys": self.keys,
         }
@@ -244,14 +244,14 @@ def tell(explored: Explored) -> Exploration:
         is_complete=space.complete,
         situations=len(space.situations),
         steps=space.stepper.steps,
-        looked_at=tuple(_looked_at(explored)),
-        told=tuple(filter(None, (about_the_end, *checker.told(), *progress_findings.tell_who_must_act(explored)))),
+        scope=tuple(_scope_sentences(explored)),
+        facts=tuple(filter(None, (about_the_end, *checker.told(), *progress_findings.tell_who_must_act(explored)))),
         findings=tuple(findings),
         keys=by_state,
     )
 
 
-def _looked_at(explored: Explored) -> Sequence[str]:
+def _scope_sentences(explored: Explored) -> Sequence[str]:
     """Describe what was and was not explored."""
     space = explored.space
     stepper = space.stepper

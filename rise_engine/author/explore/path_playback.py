@@ -139,7 +139,7 @@ class _Play:
                  needs: _Needs, seed: int, gap: float) -> None:  # fmt: skip
         self._scenario, self._followed, self._keys, self._gap = scenario, followed, keys, gap
         self.needs, self.seed = needs, seed
-        self._situations = [_look_in(each.situation, keys) for each in followed]
+        self._situations = [_path_parts(each.situation, keys) for each in followed]
         self._clock = VirtualClock()
         self._records: list[AnyRecord] = []
         robot = make_robot(scenario.robot, "debug", self._clock, seed, needs.texts)
@@ -192,7 +192,7 @@ class _Play:
         at = self.times[step] = round(self._clock.now() + self._gap + self.needs.delays.get(step, 0.0), 3)
 
         def submit() -> None:
-            done.append(_look_at(self._engine.kernel, self._keys) == self._situations[step - 1])
+            done.append(_played_parts(self._engine.kernel, self._keys) == self._situations[step - 1])
             self._engine.post(replace(task, source="file"))
 
         self._clock.call_at(at, submit)
@@ -235,7 +235,7 @@ class _Play:
         wanted = [self._situations[each] for each in (step, *ends)]
         longest = max((each.length for each in self._followed[step - 1].countdowns.values()), default=0) / 1000
         until = self._clock.now() + longest + _LATER
-        while _look_at(self._engine.kernel, self._keys) not in wanted:
+        while _played_parts(self._engine.kernel, self._keys) not in wanted:
             if not self._advance() or self._clock.now() > until:
                 return False
         return True
@@ -257,7 +257,7 @@ class _Play:
 # --- comparison -------------------------------------------------------------------------------------------------------
 
 
-def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
+def _path_parts(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
     """Return the compared parts of a path's situation."""
     return (
         tuple(sorted((rule.name, rule.state) for rule in situation.rules)),
@@ -273,7 +273,7 @@ def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
     )
 
 
-def _look_at(kernel: Kernel, keys: Sequence[str]) -> tuple[object, ...]:
+def _played_parts(kernel: Kernel, keys: Sequence[str]) -> tuple[object, ...]:
     """Return the compared parts of a session in playback."""
     core, runner = kernel.core, kernel.scheduler.runner
     asked = kernel.failures.state.asked

@@ -95,7 +95,7 @@ def follow_path(scenario: Scenario, path: Path, bounds: Bounds) -> list[Followed
     kernel.decisions = kernel.core.rng = kernel.runner.decisions = draws
     kernel.core.env = Environment(kernel.core.memory, draws.fraction, set(), draws.integer_below)
     records, _ = kernel.kernel.handle(path.begun)
-    followed = [_look(kernel, path.beginning, records)]
+    followed = [_follow_step(kernel, path.beginning, records)]
     for at, step in enumerate(path.steps):
         before = path.steps[at - 1].situation if at else path.beginning
         try:
@@ -106,12 +106,12 @@ def follow_path(scenario: Scenario, path: Path, bounds: Bounds) -> list[Followed
         draws.drawn = False
         records, _ = kernel.kernel.handle(msgspec.structs.replace(input, t=float(at + 1)))
         submitted = input if isinstance(input, Submit) else None
-        followed.append(_look(kernel, step.situation, records, step.move, task, timer, submitted, draws.drawn))
+        followed.append(_follow_step(kernel, step.situation, records, step.move, task, timer, submitted, draws.drawn))
         _compare(kernel, step.situation, at + 1)
     return followed
 
 
-def _look(
+def _follow_step(
     kernel: SituationKernel,
     situation: Situation,
     records: Sequence[AnyRecord],

@@ -145,7 +145,7 @@ class Stepper:
                 if move.kind in BY_PERSON and not move.chance and not self._changes_anything(records):
                     continue
                 stale = True
-                step = self._look(situation, tasks, possibility, move, records, when)
+                step = self._read_step(situation, tasks, possibility, move, records, when)
                 if script is not None and tried >= MAX_SCRIPTS:
                     script = None
                     step = step._replace(beyond=step.beyond or "chance")
@@ -177,7 +177,7 @@ class Stepper:
                 return True
         return False
 
-    def _look(
+    def _read_step(
         self,
         before: Situation,
         tasks: tuple[int, ...],
@@ -251,7 +251,7 @@ class Stepper:
         for record in records:
             kind = type(record)
             if kind is RuleRecord:
-                moved |= self._look_at_rule(cast(RuleRecord, record), facts)
+                moved |= self._add_rule_facts(cast(RuleRecord, record), facts)
             elif kind is TaskRecord:
                 task = cast(TaskRecord, record)
                 if task.status == "ACTIVE":
@@ -280,7 +280,7 @@ class Stepper:
                         facts.append(("two at once", *pair))
         return moved, facts
 
-    def _look_at_rule(self, record: RuleRecord, facts: list[Fact]) -> int:
+    def _add_rule_facts(self, record: RuleRecord, facts: list[Fact]) -> int:
         """Add the facts of a rule's record; return the rule's bit, and the end's bit if it is reached."""
         rule, status = record.name, record.status
         moved = self._bits[rule]

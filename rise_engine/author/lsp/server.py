@@ -67,7 +67,7 @@ def _follow_documents(server: StudyServer) -> None:
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
     @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
-    def look_again(params: Any) -> None:
+    def check_again(params: Any) -> None:
         for study in server.studies.values():
             study.forget()
             server.tell(study)

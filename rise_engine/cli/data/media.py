@@ -28,7 +28,7 @@ from rise_engine.run.recording.alignment import (
     align_by_marks,
     align_by_moments,
 )
-from rise_engine.run.recording.media_files import MediaFacts, Sound, find_marks, hash_file, look_at_media
+from rise_engine.run.recording.media_files import MediaFacts, Sound, find_marks, hash_file, probe_media
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.media import (
@@ -112,15 +112,15 @@ def add(
     given = [parse_moment(each, clock.marks) for each in moments]
     addition = _Addition(session, clock, given, find_marks, name)
     known = [path for path in map(Path, _known_paths(session)) if path.exists()]
-    facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
+    facts = [(path, _probe(path)) for path in ([Path(each).expanduser() for each in files] or known)]
     if not facts:
         raise SessionError(f"{session.name} has no recordings yet: name a file")
     return _print_added(addition, facts, as_json=as_json)
 
 
-def _look(path: Path) -> MediaFacts:
+def _probe(path: Path) -> MediaFacts:
     try:
-        return look_at_media(path)
+        return probe_media(path)
     except FileNotFoundError:
         raise SessionError(f"there is no file {path}") from None
     except OSError as error:

@@ -88,7 +88,7 @@ def _exploration_lines(exploration: Exploration) -> Iterator[str]:
         if finding.level != "remark":
             place = f"{finding.location}: " if finding.location is not None else ""
             yield f"{place}{finding.level} {finding.kind}: {finding.text}"
-    yield from (*exploration.looked_at, *exploration.told)
+    yield from (*exploration.scope, *exploration.facts)
     yield "`rise-engine explore` looks at more, and shows the path to each finding."
 
 

@@ -136,7 +136,7 @@ def _study_report(
     yield title
     alike: dict[tuple[str, ...], list[str]] = {}
     for kind, scenario, exploration in explored:
-        alike.setdefault((*exploration.looked_at, *exploration.told), []).append(kind.name or scenario.title)
+        alike.setdefault((*exploration.scope, *exploration.facts), []).append(kind.name or scenario.title)
     for sentences, names in alike.items():
         yield ""
         yield fill(", ".join(names), _WIDTH)
@@ -238,10 +238,10 @@ class _Progress:
 
 def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, show_keys: bool) -> Iterator[str]:
     yield f"{scenario.title}"
-    for sentence in exploration.looked_at:
+    for sentence in exploration.scope:
         yield fill(sentence, _WIDTH)
     yield ""
-    for sentence in exploration.told:
+    for sentence in exploration.facts:
         yield fill(sentence, _WIDTH)
     yield from _finding_lines(
         [(each.level, each.text, str(each.location or "")) for each in exploration.findings],

@@ -16,7 +16,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import FAILED, NOT_WRITTEN, OK, STILL_RUNNING
 from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
-from rise_engine.kernel.records import look_at_robot_text
+from rise_engine.kernel.records import open_goals_warning
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
 from rise_engine.run.protocol.registry import (
@@ -66,9 +66,9 @@ def stop(which: str | None) -> int:
     if not has_ended(folder):
         raise Refused(f"{name} has ended, and its record has no end: look at the robot", status=NOT_WRITTEN)
     print_notes(f"{name} has ended")
-    look = look_at_robot_text(left_open(folder))
-    print_notes(*filter(None, (look, *_to_judge_lines(folder))))
-    return STILL_RUNNING if look else OK
+    warning = open_goals_warning(left_open(folder))
+    print_notes(*filter(None, (warning, *_to_judge_lines(folder))))
+    return STILL_RUNNING if warning else OK
 
 
 def _to_judge_lines(folder: Path) -> list[str]:

@@ -199,7 +199,7 @@ class _Gathering:
     def _make(self, check: StudyCheck) -> CheckReport:
         """Make a check. If a person can answer, repeat it until it passes, is skipped, or is left."""
         while True:
-            outcome, by = self._look(check)
+            outcome, by = self._run_check(check)
             report = self._keep(check, outcome, by)
             if outcome.result == "passed" or not (check.blocks and self._binding):
                 return report
@@ -218,7 +218,7 @@ class _Gathering:
         append_checked(check, self._context, report)
         return report
 
-    def _look(self, check: StudyCheck) -> tuple[CheckOutcome, str]:
+    def _run_check(self, check: StudyCheck) -> tuple[CheckOutcome, str]:
         if check.run or check.auto in _SLOW:
             self._terminal.show(f"         {check.id}: {check_text(check)} ...")
         outcome = asyncio.run(run_check(check, self._context))

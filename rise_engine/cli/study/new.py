@@ -21,7 +21,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import MODE, ROBOT
 from rise_engine.cli.study import answers
 from rise_engine.cli.study.answers import USUAL_CHECKS
-from rise_engine.cli.study.planning import look_at_study, look_lines
+from rise_engine.cli.study.planning import exploration_lines, explore_study
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_name, shipped_studies
@@ -113,13 +113,13 @@ def new(folder: str, **given: Any) -> int:
         return INTERRUPTED
     print_lines(*errors)
     try:
-        look = look_at_study(review_study(path)) if not errors else None
+        exploration = explore_study(review_study(path)) if not errors else None
     except KeyboardInterrupt:
-        look = None  # the study exists; `study check` explores it
-    for line in look_lines(look):
+        exploration = None  # the study exists; `study check` explores it
+    for line in exploration_lines(exploration):
         _print_filled(line)
     where = quote(folder)
-    problems = look.problems if look is not None else 0
+    problems = exploration.problems if exploration is not None else 0
     to_fix = "errors" if errors else "a problem" if problems == 1 else "problems" if problems else ""
     print_lines(
         "",

@@ -13,7 +13,7 @@ import click
 from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize
-from rise_engine.checks.kinds import StudyLook, look_at_kinds
+from rise_engine.checks.kinds import StudyExploration, check_kinds
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
@@ -33,7 +33,7 @@ _PROBLEMS = (
 )
 
 
-def look_at_study(review: StudyReview) -> StudyLook | None:
+def explore_study(review: StudyReview) -> StudyExploration | None:
     """Explore and play every kind of session; None: the study has errors.
 
     :param review: the current review of the study.
@@ -42,22 +42,22 @@ def look_at_study(review: StudyReview) -> StudyLook | None:
         return None
     kinds = session_kinds(review.study, review.participants, review.scenarios)
     shown = sys.stderr.isatty()
-    return look_at_kinds(review.study, kinds, lambda sentence: print_notes(sentence) if shown else None)
+    return check_kinds(review.study, kinds, lambda sentence: print_notes(sentence) if shown else None)
 
 
-def look_lines(look: StudyLook | None) -> Iterator[str]:
+def exploration_lines(exploration: StudyExploration | None) -> Iterator[str]:
     """Yield problems, warnings and keys that can be lost, a line each, and a summary; none for a study with errors.
 
     A wizard's key about the participant is often the datum itself.
     """
-    if look is None:
+    if exploration is None:
         return
-    for each in look.findings:
+    for each in exploration.findings:
         finding = each.finding
         if finding.level != "remark" or finding.kind == "lost-key":
             place = f"{finding.place}: " if finding.place else ""
             yield f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip()
-    yield look.sentence
+    yield exploration.sentence
 
 
 @click.command()
@@ -78,8 +78,8 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
     """
     review = review_study(study)
     errors = len(review.errors)
-    look = look_at_study(review)
-    problems = look.problems if look is not None else 0
+    exploration = explore_study(review)
+    problems = exploration.problems if exploration is not None else 0
     warnings = len(review.diagnostics) - errors
     if as_json:
         shown = list(prove_sessions(study, _state_of(study))) if sessions else []
@@ -89,7 +89,7 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
                 "warnings": warnings,
                 "findings": [diagnostic_row(diagnostic) for diagnostic in review.diagnostics],
                 "not_looked_at": list(review.left_out),
-                **({"explored": look.row()} if look is not None else {}),
+                **({"explored": exploration.row()} if exploration is not None else {}),
                 **({"sessions": [proof_row(each) for each in shown]} if sessions else {}),
             }
         )
@@ -102,9 +102,9 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
         if review.diagnostics
         else "no errors or warnings"
     )
-    found += " in the files" * bool(look is not None and look.findings)
+    found += " in the files" * bool(exploration is not None and exploration.findings)
     print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
-    print_lines(*look_lines(look))
+    print_lines(*exploration_lines(exploration))
     is_well = not errors and not problems
     if sessions and not _print_proof(study):
         is_well = False
@@ -186,9 +186,9 @@ def plan(study: Path, again: str | None, anyway: str | None) -> None:
     print_notes(*loaded.diagnostics)
     participants = load_participants(loaded.study).participants
     if again is not None or last_planned(read_log(study)) is None:
-        look = look_at_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
-        print_lines(*look_lines(look), "")
-        if look is not None and look.problems and anyway is None:
+        exploration = explore_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
+        print_lines(*exploration_lines(exploration), "")
+        if exploration is not None and exploration.problems and anyway is None:
             raise Refused(_PROBLEMS)
     reason = again.strip() if again is not None else None
     made = plan_study(loaded.study, loaded.scenarios, participants, again=reason, anyway=(anyway or "").strip())

@@ -167,7 +167,7 @@ _HIDDEN = re.compile(r"= \{\w+\}$")
 _SHOWN = 12
 
 
-class LookAt:
+class ReviewList:
     """Collects what a person should check. Give it one session after another."""
 
     def __init__(self, study: Study, level: ExportLevel) -> None:

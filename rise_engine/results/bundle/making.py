@@ -21,7 +21,7 @@ from rise_engine.results.bundle.about import (
     ABOUT_FILE,
     AboutBundle,
     BundleOptions,
-    LookAt,
+    ReviewList,
     license_text,
     readme_text,
     write_about,
@@ -150,7 +150,7 @@ class _Bundle:
         self._versions: dict[str, set[str]] = {}
         self._identical = 0
         """The number of sessions that replay record for record."""
-        self._look_at = LookAt(state.study, options.level)
+        self._review_list = ReviewList(state.study, options.level)
         self.report = BundleReport()
 
     def write(self, root: Path, left_out: Sequence[LeftOut], remarks: Sequence[str]) -> None:
@@ -162,7 +162,7 @@ class _Bundle:
         about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
         write_about(root, about)
         for name, warning in write_derived(root, root, about):
-            self._look_at.add_warnings(name, [warning])
+            self._review_list.add_warnings(name, [warning])
         self._write_unproved(root)
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
@@ -177,7 +177,7 @@ class _Bundle:
                 differs = (proof.comparison.why,) if proof.comparison is not None and not proof.identical else ()
                 changed += [f"{proof.name}: {each}" for each in (*differs, *proof.problems)]
         self.report.look_at += [f"{each}. rise-engine reproduce will report it too" for each in changed]
-        self.report.look_at += self._look_at.sentences(root, self._people, license)
+        self.report.look_at += self._review_list.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
@@ -216,7 +216,7 @@ class _Bundle:
             self._names[data.folder.name] = name
             for program, version in data.facts.versions.items():
                 self._versions.setdefault(program, set()).add(version)
-            self._look_at.add(data)
+            self._review_list.add(data)
             where = f"{SESSIONS}/{name}/"
             try:
                 self._write_session(data, target / name)
@@ -254,7 +254,7 @@ class _Bundle:
             run_as=run_as,
         )
         self._people.update(shared.people)
-        self._look_at.add_shared(target, shared)
+        self._review_list.add_shared(target, shared)
 
     # --- the study ---
 
@@ -266,7 +266,7 @@ class _Bundle:
         there = {each.facts.participant for each in self._sessions}
         people = [each for each in self._state.participants if each.participant in there]
         (root / PARTICIPANTS_FILE).write_text(participants_text(study, people, self._level), "utf-8")
-        self._look_at.add_people(people)
+        self._review_list.add_people(people)
         others = len(self._state.participants) - len(people)
         if others:
             self.report.left_out.append(

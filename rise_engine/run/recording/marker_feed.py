@@ -37,7 +37,7 @@ _LOG = logging.getLogger(__name__)
 CLIENT_NAME = "lsl"
 MAX_WAITING = 30_000
 """Maximum number of waiting markers; beyond it the oldest are dropped. The library keeps 36,000."""
-LOOK_SECONDS = 0.1
+POLL_SECONDS = 0.1
 """Interval for checking whether there is a consumer, while markers wait."""
 GRACE_SECONDS = 0.3
 """Time after the request to finish in which records are still accepted."""
@@ -134,7 +134,7 @@ class MarkerFeed:
                             self._add(text, origin + record.t / speed)
                 return
             except LinkLost:  # the engine continues
-                await asyncio.sleep(LOOK_SECONDS)
+                await asyncio.sleep(POLL_SECONDS)
 
     def _open(self, session: Session) -> None:
         """Open the stream. Raises AdapterError."""
@@ -206,7 +206,7 @@ class MarkerFeed:
             if self._send_now():
                 self._arrived.clear()
             else:
-                await asyncio.sleep(LOOK_SECONDS)
+                await asyncio.sleep(POLL_SECONDS)
 
     def _send_now(self) -> bool:
         """Send the waiting markers if there is a consumer; return whether none waits any more."""
@@ -220,9 +220,9 @@ class MarkerFeed:
         if self._outlet is None:
             return
         self._send_now()
-        for _ in range(round(seconds / LOOK_SECONDS)):
+        for _ in range(round(seconds / POLL_SECONDS)):
             if self.sent and self._outlet.has_consumers():
-                await asyncio.sleep(LOOK_SECONDS)
+                await asyncio.sleep(POLL_SECONDS)
         if unsent := len(self._waiting) + self._lost:
             _LOG.warning(f"{pluralize(unsent, 'marker')} were sent, but no program received the stream")
         self._outlet.close()

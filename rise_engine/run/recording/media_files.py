@@ -213,7 +213,7 @@ class _Probe(Struct, frozen=True):
     format: _Format = _Format()
 
 
-def look_at_media(path: Path) -> MediaFacts:
+def probe_media(path: Path) -> MediaFacts:
     """Find out what a file is. Raises OSError."""
     kind = _SUFFIXES.get(path.suffix.lower(), "other")
     if path.is_dir():

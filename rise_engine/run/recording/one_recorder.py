@@ -30,9 +30,9 @@ class GrowthWatch:
     """Repeated observation of one recording.
 
     >>> watch = GrowthWatch(3.0, now=0.0)
-    >>> watch.look(RecorderStatus(True, bytes=10), 1.0), watch.look(RecorderStatus(True, bytes=10), 3.9)
+    >>> watch.observe(RecorderStatus(True, bytes=10), 1.0), watch.observe(RecorderStatus(True, bytes=10), 3.9)
     (True, True)
-    >>> watch.look(RecorderStatus(True, bytes=10), 4.0), watch.look(RecorderStatus(True, bytes=11), 4.5)
+    >>> watch.observe(RecorderStatus(True, bytes=10), 4.0), watch.observe(RecorderStatus(True, bytes=11), 4.5)
     (False, True)
     """
 
@@ -46,7 +46,7 @@ class GrowthWatch:
         self._most = -1.0
         self._grown_at = now
 
-    def look(self, status: RecorderStatus, now: float) -> bool:
+    def observe(self, status: RecorderStatus, now: float) -> bool:
         """Return whether it grows, or may still do so.
 
         :param status: its status; without a size or length it counts as growing.
@@ -109,7 +109,7 @@ async def call_within(
         raise RecorderError(f"it was asked {what} and failed: {type(error).__name__}: {clean(str(error))}") from error
 
 
-LOOK_SECONDS = 1.0
+CHECK_SECONDS = 1.0
 """Interval between two checks of a recorder."""
 CLOSE_SECONDS = 1.0
 """Time limit for closing a stopped recorder."""
@@ -148,7 +148,7 @@ class SupervisedRecorder:
         say: Callable[[str, RecordingState], object],
         now: Callable[[], float],
         *,
-        look_seconds: float = LOOK_SECONDS,
+        check_seconds: float = CHECK_SECONDS,
         retry_seconds: float = RETRY_SECONDS,
     ) -> None:
         """:param settings: which recorder, with its options.
@@ -158,7 +158,7 @@ class SupervisedRecorder:
         """
         self.name = settings.name
         self.settings, self.plan, self.say, self.now = settings, plan, say, now
-        self.look_seconds, self.retry_seconds = look_seconds, retry_seconds
+        self.check_seconds, self.retry_seconds = check_seconds, retry_seconds
         self.files: list[RecordedFile] = []
         """Its recordings, once it is stopped."""
         self.settled = asyncio.Event()
@@ -214,7 +214,7 @@ class SupervisedRecorder:
         loop = asyncio.get_running_loop()
         stalled_after = self.settings.stalled_after or recorder.stalled_after
         watch = GrowthWatch(stalled_after, loop.time())
-        while not await _wait(finish, self.look_seconds):
+        while not await _wait(finish, self.check_seconds):
             try:
                 status = await call_within(CALL_SECONDS, recorder.status(), "for its state", finish)
             except RecorderError as error:
@@ -228,7 +228,7 @@ class SupervisedRecorder:
             self._bytes = status.bytes or self._bytes  # OBS reports 0 once it has stopped
             if not status.recording:
                 self._set(RecordingState("failed", self._path, status.bytes, "it does not record any more"))
-            elif not watch.look(status, loop.time()):
+            elif not watch.observe(status, loop.time()):
                 why = f"it has not grown for {watch.still_for(loop.time()):.0f} s"
                 self._set(RecordingState("stalled", self._path, status.bytes, why))
             elif watch.has_grown:

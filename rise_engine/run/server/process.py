@@ -44,7 +44,7 @@ from rise_engine.session.journal_format import encode_header
 
 RECORD_SECONDS = 5.0
 """Real seconds for the disk to store the last records."""
-LEFTOVER_SECONDS = 5.0
+EARLIER_GOALS_SECONDS = 5.0
 """Seconds after a recovery, or after the last wizard has left, in which a wizard can decide about open goals."""
 POLL_SECONDS = 0.5
 """Interval for checking the journal, so that a lag shows, and this process, so that a standstill shows."""
@@ -218,8 +218,8 @@ class _SessionProcess:
             for sentence in recovered.report:
                 engine.post(Note(text=sentence))
             if options.get("leftovers") != "keep":
-                self.hub.on_wizards_gone = self._look_for_leftovers
-                self._look_for_leftovers()
+                self.hub.on_wizards_gone = self._schedule_goal_cancel
+                self._schedule_goal_cancel()
             return
         engine.start()
         for report in self.prepared.options.checks:
@@ -250,10 +250,10 @@ class _SessionProcess:
             return None
         return source if session == self.prepared.folder.name else None
 
-    def _look_for_leftovers(self) -> None:
-        self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
+    def _schedule_goal_cancel(self) -> None:
+        self.loop.call_later(EARLIER_GOALS_SECONDS, self._cancel_earlier_goals)
 
-    def _cancel_leftovers(self) -> None:
+    def _cancel_earlier_goals(self) -> None:
         """Stop the open goals of an earlier engine if no wizard is attached to decide about them."""
         if not self.engine.holding_goals:  # all have ended or were released
             self.hub.on_wizards_gone = lambda: None

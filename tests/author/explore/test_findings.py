@@ -104,7 +104,7 @@ def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: 
     exploration = quickly_explored(f"scenarios/{name}", **bounds)
     assert exploration.is_complete
     assert not [finding.text for finding in exploration.findings if finding.level == "problem"]
-    assert exploration.told[0].startswith("From ")
+    assert exploration.facts[0].startswith("From ")
 
 
 # --- the quiz, with faults of our own ---
@@ -122,7 +122,7 @@ def test_the_quiz() -> None:
 def test_a_property_that_holds_is_said(tmp_path: Path) -> None:
     table = '[reachable]\n"praise" = "runs(\'R_Praise\')"\n[always]\n"no hint" = "not runs(\'R_Hint\')"'
     exploration = with_tables("quiz", table, tmp_path)
-    assert [sentence for sentence in exploration.told if "holds" in sentence] == [
+    assert [sentence for sentence in exploration.facts if "holds" in sentence] == [
         '"no hint" ([always]) holds in all of them.'
     ]
     assert of_kind(exploration, "reachable")[0].text.startswith('"praise": ')
@@ -132,7 +132,7 @@ def test_a_property_that_holds_is_said(tmp_path: Path) -> None:
 
 
 def test_what_was_not_looked_at_is_said() -> None:
-    sentences = quickly_explored("scenarios/lab_opening").looked_at
+    sentences = quickly_explored("scenarios/lab_opening").scope
     assert sentences[0].startswith("Looked at all 1,845 situations with these 12 keys, at most 1 waiting act")
     wanted = "one more act could wait. What follows from that was not explored."
     assert any(wanted in sentence for sentence in sentences)
@@ -142,7 +142,7 @@ def test_broken_off_it_says_so_and_calls_nothing_stuck() -> None:
     bounds = Bounds(stop=False, lost=False, situations=50)
     exploration = explore(shipped("greeting"), bounds)
     assert not exploration.is_complete
-    assert any(sentence.startswith("Exploring stopped early") for sentence in exploration.looked_at)
+    assert any(sentence.startswith("Exploring stopped early") for sentence in exploration.scope)
     assert not exploration.count("problem")
 
 

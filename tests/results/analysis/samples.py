@@ -21,7 +21,7 @@ from typing import TypeAlias
 
 from msgspec.structs import replace
 
-from rise_engine.cli.study.planning import look_at_study
+from rise_engine.cli.study.planning import explore_study
 from rise_engine.kernel.inputs import (
     AnyInput,
     CheckReport,
@@ -371,7 +371,7 @@ def _made_study() -> Path:
     run(BeginRequest("P03"), everything(slower=1.1))
     run(BeginRequest("P03"), everything(slower=0.6))
     assert read_state(folder).standing.complete == 3
-    look_at_study(review_study(folder))  # kept, so that no `study check` explores it again
+    explore_study(review_study(folder))  # kept, so that no `study check` explores it again
     return folder
 
 

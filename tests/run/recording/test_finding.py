@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from rise_engine.base.errors import SessionError
 from rise_engine.run.recording import media_files
 from rise_engine.run.recording.alignment import SessionMark, align_by_marks
-from rise_engine.run.recording.media_files import SOUND_RATE, Sound, find_marks, look_at_media
+from rise_engine.run.recording.media_files import SOUND_RATE, Sound, find_marks, probe_media
 from tests.chance import examples
 from tests.run.recording.sounds import make_video, record_marks, write_wav
 
@@ -63,7 +63,7 @@ def test_a_film_of_a_fast_camera_is_laid_against_the_session(
 ) -> None:
     sound = record_marks(PLAYED, offset=offset, rate=FAST, seconds=SECONDS, noise=noise)
     film = make_video(tmp_path / f"room{suffix}", write_wav(tmp_path / "a.wav", sound), SECONDS, delay=delay)
-    facts = look_at_media(film)
+    facts = probe_media(film)
     assert (facts.kind, facts.fps, facts.has_sound) == ("video", 5.0, True)
     assert facts.duration == pytest.approx(SECONDS, abs=0.1)
     found = align_by_marks(session_marks(PLAYED), find_marks(Sound(film).blocks(), SOUND_RATE))
@@ -146,7 +146,7 @@ def test_wav_files_need_no_ffmpeg(
     sound = record_marks([(2, 3.5)], offset=0, seconds=6, noise=0.02, samples=samples)
     path = write_wav(tmp_path / "a.wav", sound, samples, width=width, channels=channels)
     heard = Sound(path)
-    assert heard.rate == samples and look_at_media(path) == media_files.MediaFacts("audio", path.stat().st_size, 6.0)
+    assert heard.rate == samples and probe_media(path) == media_files.MediaFacts("audio", path.stat().st_size, 6.0)
     [mark] = find_marks(heard.blocks(), heard.rate)
     assert mark.sweep == "down" and mark.at == pytest.approx(3.5, abs=1e-3)
 
@@ -177,7 +177,7 @@ def test_a_film_without_sound_says_what_to_do(tmp_path: Path) -> None:
     subprocess.run(
         ["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "testsrc=s=64x48:r=5:d=1", "-c:v", "mpeg4", silent], check=True
     )
-    facts = look_at_media(silent)
+    facts = probe_media(silent)
     assert (facts.kind, facts.has_sound, facts.duration) == ("video", False, 1.0)
     with pytest.raises(SessionError, match=r"silent.mp4 has no sound: use --at FILE=markN"):
         [*Sound(silent).blocks()]
@@ -185,4 +185,4 @@ def test_a_film_without_sound_says_what_to_do(tmp_path: Path) -> None:
     text.write_text("nothing")
     with pytest.raises(SessionError, match=r"text.mp4 has no sound that ffmpeg can read: .*"):
         [*Sound(text).blocks()]
-    assert look_at_media(text).kind == "video" and look_at_media(text).duration is None
+    assert probe_media(text).kind == "video" and probe_media(text).duration is None

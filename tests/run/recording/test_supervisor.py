@@ -83,7 +83,7 @@ def does(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, Any]]:
         lambda driver, name, options: ScriptedRecorder(name, options, **behaviour.get(name, {})),
     )
     monkeypatch.setattr("rise_engine.run.recording.one_recorder.CALL_SECONDS", 0.3)
-    quick = partial(SupervisedRecorder, look_seconds=0.05, retry_seconds=0.1)
+    quick = partial(SupervisedRecorder, check_seconds=0.05, retry_seconds=0.1)
     monkeypatch.setattr(supervisor, "SupervisedRecorder", quick)
     monkeypatch.setattr(supervisor, "TAIL_SECONDS", {"sound": 0.0, "flash": 0.0})
     return behaviour

@@ -426,11 +426,11 @@ class Recovered(_SessionProcess):
         self.hub, self.engine, self.looks = played.hub, played.engine, []  # type: ignore[var-annotated]
         played.engine.accept(SessionRecovered(waits_for_wizard=True))
         played.engine.post(RobotChanged(status="degraded", open=(OpenGoal("base", "1/1", "Drive", "no answer"),)))
-        self.hub.on_wizards_gone = self._look_for_leftovers
-        self._look_for_leftovers()
+        self.hub.on_wizards_gone = self._schedule_goal_cancel
+        self._schedule_goal_cancel()
 
-    def _look_for_leftovers(self) -> None:
-        self.looks.append(self._cancel_leftovers)
+    def _schedule_goal_cancel(self) -> None:
+        self.looks.append(self._cancel_earlier_goals)
 
     def look(self) -> None:
         self.looks.pop()()

@@ -88,7 +88,7 @@ class EstopInput:
         """Find its publishers, and request the quality of service that they offer."""
         if self._subscription is None:
             return
-        offered = [end.qos for end in self._look() if end.qos is not None]
+        offered = [end.qos for end in self._find_publishers() if end.qos is not None]
         if offered:
             latched = all(qos.latched for qos in offered)
             # Of latched messages, only the last one counts: an earlier one would press or release it again.
@@ -101,7 +101,7 @@ class EstopInput:
         elif self._since is None:
             self._since = self._now()
 
-    def _look(self) -> list[RemoteEndpoint]:
+    def _find_publishers(self) -> list[RemoteEndpoint]:
         """Find the programs that publish it. The state of a new one is unknown."""
         ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
         now, ends_before, before = self._now(), self._ends, self._programs
@@ -190,7 +190,7 @@ class EstopInput:
         before, pressed = self.pressed, self._mapping.is_pressed(message)
         if pressed:
             self._take(True)  # first, because the look may fail
-        self._look()
+        self._find_publishers()
         self._since = self._now()
         if not pressed and self.pressed == before:  # otherwise a program that has gone may have sent it
             self._take(False)

@@ -148,7 +148,7 @@ class Ros2Robot:
             self._report(RobotChanged(status="degraded", detail=why, open=goals))
         for endpoint in self._endpoints:
             if isinstance(endpoint, ActionEndpoint) and endpoint.client.statuses:
-                self._look_for_unknown(endpoint)
+                self._check_unknown_goals(endpoint)
         self._open_estop()
         self._poll()
 
@@ -486,14 +486,14 @@ class Ros2Robot:
             goal.take_feedback()
 
     def _take_status(self, endpoint: ActionEndpoint, statuses: Mapping[bytes, int]) -> None:
-        self._look_for_unknown(endpoint)
+        self._check_unknown_goals(endpoint)
         for goal in tuple(self._by_id.values()):
             if goal.id in statuses or (goal.endpoint is endpoint and goal.is_live()):
                 goal.take_status(statuses)
         if self._stop is not None:
             self._stop.poll()
 
-    def _look_for_unknown(self, endpoint: ActionEndpoint) -> None:
+    def _check_unknown_goals(self, endpoint: ActionEndpoint) -> None:
         """Check once what a newly found server is doing. Goals of an earlier engine are known by then."""
         if self._is_connected and not endpoint.was_heard:
             endpoint.was_heard = True

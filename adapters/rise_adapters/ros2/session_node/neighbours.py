@@ -35,9 +35,9 @@ LISTEN_SECONDS = 1.0
 """Seconds to listen for other sessions. Programs on one network find each other within some hundredths of a second."""
 LISTEN_LONGER_SECONDS = 1.0
 """Additional seconds if there is a session that has not announced itself."""
-LOOK_SECONDS = 0.1
+SEARCH_SECONDS = 0.1
 """Seconds between two searches for sessions under other names while it listens."""
-LOOK_BEATS = 10
+SEARCH_BEATS = 10
 """The same while it serves, in signs of life."""
 BEAT_SECONDS = 0.5
 """Seconds between two signs of life."""
@@ -114,11 +114,11 @@ class NeighbourSessions:
         loop = asyncio.get_running_loop()
         until = loop.time() + LISTEN_SECONDS
         at_most = until + LISTEN_LONGER_SECONDS
-        look_at = loop.time()
+        next_search = loop.time()
         while loop.time() < (at_most if self._is_someone_silent() else until):
-            if loop.time() >= look_at:
-                self._look_elsewhere()
-                look_at = loop.time() + LOOK_SECONDS
+            if loop.time() >= next_search:
+                self._listen_elsewhere()
+                next_search = loop.time() + SEARCH_SECONDS
             await asyncio.sleep(_POLL_SECONDS)
         first = min([self.announcement, *self._others.values()], key=lambda each: each.rank)
         return None if first is self.announcement else first
@@ -152,10 +152,10 @@ class NeighbourSessions:
         self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
         self._announce()
         self._beats += 1
-        if self._beats % LOOK_BEATS == 0:
-            self._look_elsewhere()
+        if self._beats % SEARCH_BEATS == 0:
+            self._listen_elsewhere()
 
-    def _look_elsewhere(self) -> None:
+    def _listen_elsewhere(self) -> None:
         """Also listen to sessions in other namespaces."""
         for topic in self._transport.topics(f"/{TOPIC}"):
             self._listen_to(topic)
