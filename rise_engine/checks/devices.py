@@ -152,11 +152,11 @@ class _RobotChanges:
         """Wait until the link is stable for a moment, and return its last report; None: there was none."""
         loop = asyncio.get_running_loop()
         until = loop.time() + ANSWER_SECONDS
-        while (left := until - loop.time()) > 0:
+        while (remaining := until - loop.time()) > 0:
             self._changed.clear()
             settled = self.last is not None
             try:
-                await asyncio.wait_for(self._changed.wait(), SETTLE_SECONDS if settled else left)
+                await asyncio.wait_for(self._changed.wait(), SETTLE_SECONDS if settled else remaining)
             except TimeoutError:
                 return self.last
         return self.last
@@ -220,7 +220,7 @@ class RecorderTrial(Struct, frozen=True):
     name: str
     found: str = ""
     problem: str = ""
-    left: str = ""
+    remaining: str = ""
     """The path of the test file if it still exists; empty: it was deleted, or there was none."""
 
 
@@ -242,7 +242,7 @@ async def check_recorders(request: ChildRequest) -> Finding:
     finally:
         rmtree(folder, ignore_errors=True)
     found = [f"{each.name}: {each.found}" for each in trials if each.found]
-    found += [f"the test file of {each.name} is still at {each.left}" for each in trials if each.left]
+    found += [f"the test file of {each.name} is still at {each.remaining}" for each in trials if each.remaining]
     problems = [f"{each.name}: {each.problem}" for each in trials if each.problem]
     return Finding(not problems, "; ".join(found), "; ".join(problems))
 

@@ -64,7 +64,7 @@ class ActRunner:
         """The last picked variant, by `<act>/<actionID>`."""
         self.robot_lost: str | None = None
         """Why goals cannot be sent; None: the robot is connected."""
-        self.left: frozenset[str] = frozenset()
+        self.earlier_goals: frozenset[str] = frozenset()
         """The goals of an earlier engine while they are given up. None is cancelled: a person decides about them."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
@@ -236,16 +236,16 @@ class ActRunner:
             for id, state in run.actions.items():
                 if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:
                     goal = f"{run.task.id}/{id}"
-                    if state.state == "running" and goal not in self.left:
+                    if state.state == "running" and goal not in self.earlier_goals:
                         self._core.commands.append(CancelAction(goal))
                     self._end_action(run, id, "lost", reason)
             self._advance(run)
 
-    def lose_left(self) -> None:
+    def lose_earlier_goals(self) -> None:
         """End the goals of an earlier engine as lost, without cancelling them."""
-        self.left = frozenset(goal.action for goal in self.running_goals())
+        self.earlier_goals = frozenset(goal.action for goal in self.running_goals())
         self.lose_running("the engine was restarted while it ran")
-        self.left = frozenset()
+        self.earlier_goals = frozenset()
 
     # --- cancel and end ---
 
@@ -268,7 +268,7 @@ class ActRunner:
             elif state.state == "running":
                 if core.scenario.robot.actions[state.type].engine:
                     self._end_action(run, id, "canceled", reason)
-                elif (goal := f"{run.task.id}/{id}") not in self.left:
+                elif (goal := f"{run.task.id}/{id}") not in self.earlier_goals:
                     self._cancel_timer(state)
                     state.state = "canceling"
                     core.commands.append(CancelAction(goal))

@@ -213,7 +213,7 @@ class Kernel:
             robot_lost=runner.robot_lost,
             stop=self.stop.status,
             stop_timer=self.stop.timer,
-            stood=self.stop.stood,
+            stopped_rules=self.stop.stopped_rules,
             held_by=self.stop.held_by,
             stops=self.stop.count,
             wizard_marks=self.wizard_marks.state,
@@ -259,7 +259,11 @@ class Kernel:
         runner.runs = {run.task.id: run for run in snapshot.acts}
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
-        self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
+        self.stop.status, self.stop.timer, self.stop.stopped_rules = (
+            snapshot.stop,
+            snapshot.stop_timer,
+            snapshot.stopped_rules,
+        )
         self.stop.held_by, self.stop.count = snapshot.held_by, snapshot.stops
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
@@ -375,7 +379,7 @@ class Kernel:
         """Continue rules and timers, and keep the latch. No action of the robot is repeated automatically."""
         self.core.waits_for_wizard |= input.waits_for_wizard
         self._record_session("recovered", input.versions, input.reason, input.downtime)
-        self.scheduler.runner.lose_left()
+        self.scheduler.runner.lose_earlier_goals()
         self.wizard_marks.cancel_filler()
         self.stop.ask_again()
 

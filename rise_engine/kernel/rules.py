@@ -42,7 +42,7 @@ from rise_engine.kernel.rule_stack import (
     remove_from_lists,
 )
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
-from rise_engine.kernel.stop import StoodRule
+from rise_engine.kernel.stop import StoppedRule
 from rise_engine.kernel.waits import OwnActs, begin_countdown, break_countdown
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
@@ -95,20 +95,20 @@ class RuleMachine:
         self.stack.start(run, on_top)
         self._begin(run, "start", enter)
 
-    def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
+    def resume(self, stopped: StoppedRule, task: Task, enter: bool) -> None:
         """Start a rule in the state where everything was stopped, above all others of its old priority. Without
         `enter`, it only waits there, and conditions that were already taken stay taken."""
-        run = RuleRun(stood.name, self.compiled[stood.name].states[stood.state], task, stood.priority)
-        run.remember(stood.steps[:-1])
+        run = RuleRun(stopped.name, self.compiled[stopped.name].states[stopped.state], task, stopped.priority)
+        run.remember(stopped.steps[:-1])
         if not enter:
-            run.latched = set(stood.latched)
+            run.latched = set(stopped.latched)
         self.stack.start(run, on_top=False)
         self._begin(run, "resumed", enter)
 
-    def standing(self) -> list[StoodRule]:
+    def rule_states(self) -> list[StoppedRule]:
         """The states of the rules, the bottom of the stack first."""
         return [
-            StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps)
+            StoppedRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps)
             for run in self.stack.values()
         ]
 

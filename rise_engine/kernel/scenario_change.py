@@ -47,23 +47,23 @@ def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, 
     return problems
 
 
-def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> Iterator[str]:
+def _rule_problems(before: Rule, after: Rule | None, snapshot: RuleSnapshot) -> Iterator[str]:
     if after is None:
         yield f"the rule `{before.name}` is running and no longer exists; stop it first"
         return
-    state = after.states.get(standing.state)
+    state = after.states.get(snapshot.state)
     if state is None:
-        yield f"the rule `{before.name}` is in the state `{standing.state}`, which no longer exists"
+        yield f"the rule `{before.name}` is in the state `{snapshot.state}`, which no longer exists"
         return
-    if not state.transitions and before.states[standing.state].transitions:
-        yield f"the rule `{before.name}` is in the state `{standing.state}`, in which it would now end"
-    numbers = _new_numbers(before.states[standing.state], state)
-    for index in standing.timers.values():
+    if not state.transitions and before.states[snapshot.state].transitions:
+        yield f"the rule `{before.name}` is in the state `{snapshot.state}`, in which it would now end"
+    numbers = _new_numbers(before.states[snapshot.state], state)
+    for index in snapshot.timers.values():
         if numbers.get(index) is None:
-            transition = before.states[standing.state].transitions[index]
+            transition = before.states[snapshot.state].transitions[index]
             time = transition.after.text if transition.after is not None else ""
             yield (
-                f"the rule `{before.name}` counts `after {time}` in the state `{standing.state}`, "
+                f"the rule `{before.name}` counts `after {time}` in the state `{snapshot.state}`, "
                 "but the files have changed this transition"
             )
 

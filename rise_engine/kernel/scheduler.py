@@ -180,7 +180,7 @@ class Scheduler:
             filler=task.filler,
             voice_at=task.voice_at,
         )
-        may_repeat = not (interfered or self.runner.left)
+        may_repeat = not (interfered or self.runner.earlier_goals)
         if status == "ABORTED" and self._failures.holds(task, reason, may_repeat, self.runner.robot_lost is not None):
             self._wizard.forget_failure(task)
         else:

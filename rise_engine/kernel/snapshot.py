@@ -14,7 +14,7 @@ from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.records import OpenGoal
-from rise_engine.kernel.stop import StoodRule, StopStatus
+from rise_engine.kernel.stop import StoppedRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
 
 
@@ -72,7 +72,7 @@ class Snapshot(Struct, frozen=True):
     robot_lost: str | None
     stop: StopStatus
     stop_timer: int | None
-    stood: list[StoodRule]
+    stopped_rules: list[StoppedRule]
     held_by: list[str]
     stops: int
     """The number of requested stops."""

@@ -15,7 +15,7 @@ STOP_LIMIT = 3.0
 """Seconds for the robot to answer a stop-all. After that it counts as unconfirmed."""
 
 
-class StoodRule(Struct, frozen=True):
+class StoppedRule(Struct, frozen=True):
     """The state of a rule when everything was stopped."""
 
     name: str
@@ -38,7 +38,7 @@ class StopLatch:
         self.status: StopStatus = "released"
         """requested: the robot has not answered yet."""
         self.timer: int | None = None
-        self.stood: list[StoodRule] = []
+        self.stopped_rules: list[StoppedRule] = []
         """The rules that the stop ended, the bottom of the stack first, until it is released."""
         self.held_by: list[str] = []
         """The sources of the pressed emergency stops, in order."""
@@ -104,7 +104,7 @@ class StopLatch:
 
     def release(self, source: str) -> None:
         self.status = "released"
-        self.stood = []
+        self.stopped_rules = []
         self._core.emit(StopRecord, "released", source=source)
         self._core.commands.append(EndStop())
 

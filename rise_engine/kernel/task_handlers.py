@@ -29,7 +29,7 @@ from rise_engine.kernel.rules import RuleMachine
 from rise_engine.kernel.scheduler import Scheduler
 from rise_engine.kernel.session_keys import SessionKeys
 from rise_engine.kernel.speech import why_not_speak
-from rise_engine.kernel.stop import StoodRule, StopLatch
+from rise_engine.kernel.stop import StopLatch, StoppedRule
 from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic, rule_start_behavior
 
@@ -405,7 +405,7 @@ class TaskHandlers:
         reason = f"stop-all by {task.source}"
         self._succeed(task)
         if not self._stop.latched:  # a second stop must not overwrite the rules that the first one ended
-            self._stop.stood = self.rules.standing()
+            self._stop.stopped_rules = self.rules.rule_states()
         self._stop.request(task.source)
         self._wizard.cancel_filler()
         self._failures.drop("", reason)
@@ -424,22 +424,22 @@ class TaskHandlers:
             self._stop.let_go(report.source)
 
     def _release_stop(self, task: Submit) -> None:
-        stood = self._stop.stood
+        stopped_rules = self._stop.stopped_rules
         try:
             release = read_release(task.behavior)
             chosen = release.rules
-            problem = self._stop.why_not_release(release.stop) or _why_not_resume(chosen, stood)
+            problem = self._stop.why_not_release(release.stop) or _why_not_resume(chosen, stopped_rules)
         except BehaviorError as unreadable:
             chosen, problem = {}, str(unreadable)
         asked = self._core.next_task
         if not self._succeed_unless(task, problem):
             return
         self._stop.release(task.source)
-        for rule in stood:
+        for rule in stopped_rules:
             if (how := chosen.get(rule.name, "leave")) != "leave":
                 self._resume_rule(rule, how == "enter", task.source, asked)
 
-    def _resume_rule(self, rule: StoodRule, enter: bool, source: str, cause: int) -> None:
+    def _resume_rule(self, rule: StoppedRule, enter: bool, source: str, cause: int) -> None:
         behavior = rule_start_behavior(rule.name, rule.state, enter)
         started = self._core.new_task(Submit(function="startInteractionRule", behavior=behavior, source=source), "None")
         started.cause = cause
@@ -486,9 +486,9 @@ class TaskHandlers:
         )
 
 
-def _why_not_resume(chosen: Iterable[str], stood: list[StoodRule]) -> str:
+def _why_not_resume(chosen: Iterable[str], stopped_rules: list[StoppedRule]) -> str:
     """Why some of these rules cannot be resumed; empty: they can."""
-    names = [rule.name for rule in stood]
+    names = [rule.name for rule in stopped_rules]
     unknown = next((name for name in chosen if name not in names), None)
     if unknown is None:
         return ""

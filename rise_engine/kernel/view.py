@@ -162,7 +162,7 @@ class CueView(Struct):
     """The task of that act. The robot may speak some time later."""
 
 
-class StoodView(Struct):
+class StoppedRuleView(Struct):
     """The state of a rule that a stop ended."""
 
     rule: str
@@ -177,7 +177,7 @@ class StopView(Struct):
     unstoppable: tuple[str, ...] = ()
     """Parts that cannot be stopped."""
     source: str = ""
-    stood: list[StoodView] = field(default_factory=list)
+    stood: list[StoppedRuleView] = field(default_factory=list)
     """The rules that it ended, the bottom of the stack first, until it is released."""
     held_by: tuple[str, ...] = ()
     """The emergency stops that are pressed. They must be released before the stop can be."""
@@ -466,7 +466,7 @@ class SessionView(Struct):
         if record.status == "faulted":
             self._add_remark(RemarkView("fault", record.t, f"rule:{record.name}", record.reason))
         if record.status == "stopped" and self.stop.latched:  # the top of the stack is stopped first
-            self.stop.stood.insert(0, StoodView(record.name, record.state or ""))
+            self.stop.stood.insert(0, StoppedRuleView(record.name, record.state or ""))
         rule = self.rules.setdefault(record.name, RuleView())
         self._apply_step(record, rule)
         rule.status, rule.reason = record.status, record.reason

@@ -280,7 +280,7 @@ def has_ended(folder: Path) -> bool:
     return b'"input":"session_ended"' in _end_of_journal(folder)  # a text would escape the quotes
 
 
-def left_open(folder: Path) -> tuple[OpenGoal, ...]:
+def open_goals_at_end(folder: Path) -> tuple[OpenGoal, ...]:
     """The robot's open goals at the end of a session; also empty if unknown."""
     try:
         last = read_line(_end_of_journal(folder).rstrip(b"\n").rpartition(b"\n")[2])

@@ -127,7 +127,7 @@ in a session that counts."""
 
 
 _KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
-_WAYS = ("ask", "auto", "run")
+_KINDS = ("ask", "auto", "run")
 _ID = re.compile(r"[A-Za-z][A-Za-z0-9_-]*\Z")
 _LONGEST_LIMIT = 3600.0
 """Seconds."""
@@ -158,8 +158,8 @@ def read_checks(study: TomlTable, folder: Path) -> tuple[StudyCheck, ...]:
 
 def _read_check(table: TomlTable) -> StudyCheck:
     table.report_unknown_keys(_KEYS)
-    given = [way for way in _WAYS if way in table.values]
-    misspelt = any(did_you_mean(key, _WAYS, limit=0) for key in table.values if key not in _KEYS)
+    given = [kind for kind in _KINDS if kind in table.values]
+    misspelt = any(did_you_mean(key, _KINDS, limit=0) for key in table.values if key not in _KEYS)
     if len(given) != 1 and not (misspelt and not given):
         table.report_key("check-form", _FORM)
     auto = _read_auto(table)

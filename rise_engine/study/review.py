@@ -63,7 +63,7 @@ class StudyReview(Struct, frozen=True):
     slots: tuple[Slot, ...] = ()
     is_planned: bool = False
     """Whether study.jsonl has a plan."""
-    left_out: tuple[str, ...] = ()
+    omitted: tuple[str, ...] = ()
     """Files that were not checked because they depend on tables of study.toml that have errors."""
 
     @property
@@ -81,10 +81,10 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
     if study is None:
         return StudyReview(None, loaded.diagnostics)
     found = list(loaded.diagnostics)
-    left_out: list[str] = []
+    omitted: list[str] = []
     people = ParticipantsLoad((), [])
     if loaded.unsure & _OF_PARTICIPANTS:
-        left_out.append(PARTICIPANTS_FILE)
+        omitted.append(PARTICIPANTS_FILE)
     else:
         people = load_participants(study)
         found += people.diagnostics
@@ -93,11 +93,11 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
     found += of_languages.sorted()
     plan = PlanLoad(None, [])
     if loaded.unsure & _OF_PLAN:
-        left_out += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []
+        omitted += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []
     else:
         plan = read_plan(study)
         found += plan.diagnostics
-    entries, of_log = _review_log(loaded, people, plan, left_out)
+    entries, of_log = _review_log(loaded, people, plan, omitted)
     found += of_log
     if not loaded.unsure & (_OF_PARTICIPANTS | {"questionnaire"}):
         found += _review_questionnaires(study, people, entries)
@@ -108,7 +108,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
         scenarios=loaded.scenarios,
         slots=plan.slots or (),
         is_planned=last_planned(entries) is not None,
-        left_out=tuple(left_out),
+        omitted=tuple(omitted),
     )
 
 
@@ -150,7 +150,7 @@ def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
 
 
 def _review_log(
-    loaded: StudyLoad, people: ParticipantsLoad, plan: PlanLoad, left_out: list[str]
+    loaded: StudyLoad, people: ParticipantsLoad, plan: PlanLoad, omitted: list[str]
 ) -> tuple[list[LogEntry], list[Diagnostic]]:
     study = loaded.draft
     assert study is not None
@@ -171,7 +171,7 @@ def _review_log(
             diagnostics.warning("uneven-blocks", loaded.n_location, problem)
     if planned is not None:
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
-    if PARTICIPANTS_FILE not in left_out and not people.errors:
+    if PARTICIPANTS_FILE not in omitted and not people.errors:
         _check_holders(entries, people.participants, plan.slots, diagnostics)
     for name, sentence in copied_sessions(folder, entries).items():
         diagnostics.error("copied-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)

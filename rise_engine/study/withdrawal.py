@@ -48,9 +48,9 @@ from rise_engine.study.withdrawal_work import (
     WithdrawalReport,
     erase_leftovers,
     erase_unlisted,
+    find_earlier_work,
     is_there,
     join_plans,
-    left_work,
     new_work,
     read_list,
     why_not_export,
@@ -75,7 +75,7 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
     log = read_log(study)
     try:
         plan = _make_plan(study, participant, log)
-        left = left_work(study, participant)
+        left = find_earlier_work(study, participant)
     except OSError as error:
         raise StudyError(f"{error.filename or study} cannot be read: {error_message(error)}") from None
     if plan.sessions or left or is_withdrawn(participant, log):
@@ -131,7 +131,7 @@ def _take_out(
     entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
-    work = left_work(study, participant)
+    work = find_earlier_work(study, participant)
     if work is not None:
         plan = join_plans(read_list(work), plan)
     own = set(plan.sessions)

@@ -165,7 +165,7 @@ class WithdrawalReport(Struct):
 # --- the list of what is to go --------------------------------------------------------------------------------------
 
 
-def left_work(study: Path, participant: str) -> Path | None:
+def find_earlier_work(study: Path, participant: str) -> Path | None:
     """Return the folder that an earlier run has left."""
     for folder in folders_in(study / WORK_FOLDER):
         try:

@@ -174,15 +174,15 @@ def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient,
     try:
         folder = find_session(str(expand_home(options.shadow or "")))
         wizard = _name_judge(options, terminal)
-        left = unfinished_shadow(folder, wizard)
+        unfinished = unfinished_shadow(folder, wizard)
         if options.recover:
-            if left is None:
+            if unfinished is None:
                 raise not_started(f"{clean(wizard)} has left no shadow of {folder.name} unfinished")
-            return ShadowClient(folder, wizard, resume=left), wizard
-        if left is not None and not options.new:
+            return ShadowClient(folder, wizard, resume=unfinished), wizard
+        if unfinished is not None and not options.new:
             raise not_started(
                 f"{clean(wizard)} has begun a shadow of {folder.name}, which goes as far as "
-                f"{format_clock(left.resume_at[0])}: {abbreviate_home(str(left.path))}",
+                f"{format_clock(unfinished.resume_at[0])}: {abbreviate_home(str(unfinished.path))}",
                 "--recover goes on with it; --new begins another one, and leaves it as it is",
                 status=UNFINISHED,
             )

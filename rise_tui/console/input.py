@@ -146,11 +146,11 @@ class InputController:
     def _check_standstill(self) -> None:
         """Ignore keys for a moment after a standstill of the console."""
         now, suspended = self._clock(), suspended_seconds()
-        stood = now - self._alive_at + suspended - self._suspended
-        if stood > STALL_SECONDS:
+        stopped = now - self._alive_at + suspended - self._suspended
+        if stopped > STALL_SECONDS:
             self._alive_at, self._suspended, self._paste_until = now, suspended, now + PASTE_QUIET_SECONDS
             self.disarm()
-            self._actions.show_notice(f"the console stood still for {stood:.0f} s: keys of that time start nothing")
+            self._actions.show_notice(f"the console stood still for {stopped:.0f} s: keys of that time start nothing")
 
     def observe_mouse(self) -> None:
         """Note a press of the mouse: the present work has no key."""

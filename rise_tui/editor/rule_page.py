@@ -17,7 +17,7 @@ from rise_engine.author.edit.outline import Written
 from rise_engine.author.trial.study_test_run import path_of_test, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_tui.editor.model.draft import FilePlace
-from rise_tui.editor.model.trial_rows import standing_of
+from rise_tui.editor.model.trial_rows import find_running_rule
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.rule_display import RuleHost
 from rise_tui.editor.rule_editor import RuleEditor
@@ -163,9 +163,9 @@ class RulePage(RuleHost):
     @on(TrialView.Played)
     def _played(self, event: TrialView.Played) -> None:
         event.stop()
-        standing = standing_of(self.trial.trial, self.shown_name) if self.trial.trial is not None else None
-        if self._is_beside and standing is not None and standing.name == self.shown_name:
-            self.editor.go_to_state(standing.state)
+        running = find_running_rule(self.trial.trial, self.shown_name) if self.trial.trial is not None else None
+        if self._is_beside and running is not None and running.name == self.shown_name:
+            self.editor.go_to_state(running.state)
         self.frame.say(event.problem, "wait" if event.problem else "info")
         self.frame.draw_bars()
 

@@ -24,11 +24,11 @@ from rise_engine.scenario.model import Rule, Scenario
 from rise_tui.editor.model.trial_rows import (
     GO_ON,
     begin,
+    find_running_rule,
     happened_rows,
     head_lines,
     key_of,
     play_again,
-    standing_of,
     trial_rows,
 )
 from rise_tui.model.states import HERE, GraphPosition, draw_state_graph
@@ -150,16 +150,16 @@ class TrialView(Vertical):
 
     def _draw_graph(self, trial: Trial) -> None:
         width = self.graph.row_width
-        standing = standing_of(trial, self._rule)
-        rule = trial.scenario.rules.get(standing.name if standing is not None else self._rule)
+        running = find_running_rule(trial, self._rule)
+        rule = trial.scenario.rules.get(running.name if running is not None else self._rule)
         if rule is None or width <= 0:
             return
         if self._layout is None or self._layout[:2] != (rule, width):
             self._layout = (rule, width, lay_out_graph(rule, width))
         position = GraphPosition()
-        if standing is not None:
-            taken = None if standing.transition is None else (standing.previous or "", standing.transition)
-            position = GraphPosition(standing.state, taken)
+        if running is not None:
+            taken = None if running.transition is None else (running.previous or "", running.transition)
+            position = GraphPosition(running.state, taken)
         rows = draw_state_graph(self._layout[2], position)
         self.graph.show(rows)
         here = next((index for index, row in enumerate(rows) if row.id.startswith(f"{HERE}:")), 0)
@@ -207,7 +207,7 @@ class TrialView(Vertical):
         match kind:
             case "way":
                 number, _, rule = rest.partition(":")
-                self._take_way(trial, rule, int(number))
+                self._take_transition(trial, rule, int(number))
             case "key":
                 key = trial.scenario.keys[rest]
                 self._with_trial(lambda trial: trial.press(key))
@@ -218,17 +218,21 @@ class TrialView(Vertical):
             case _:
                 self._with_trial(lambda trial: trial.go_on())
 
-    def _take_way(self, trial: Trial, rule: str, number: int) -> None:
+    def _take_transition(self, trial: Trial, rule: str, number: int) -> None:
         """Make the rule take a transition: press its key, raise its event, or let time pass."""
-        standing = standing_of(trial, rule)
-        way = next((way for way in standing.ways if way.index == number), None) if standing is not None else None
-        if way is None:
+        running = find_running_rule(trial, rule)
+        transition = (
+            next((transition for transition in running.transitions if transition.index == number), None)
+            if running is not None
+            else None
+        )
+        if transition is None:
             return
-        if way.keys:
-            key = way.keys[0]
+        if transition.keys:
+            key = transition.keys[0]
             self._with_trial(lambda trial: trial.press(key))
-        elif way.event:
-            event = way.event
+        elif transition.event:
+            event = transition.event
             self._with_trial(lambda trial: trial.raise_event(event))
         else:
             self._with_trial(lambda trial: trial.go_on())

@@ -100,9 +100,9 @@ class CheckList:
         return next((at for at in order if self._is_open(self.items[at])), None)
 
     def _is_open(self, item: CheckItem) -> bool:
-        return item.status == "asked" or (item.status == "failed" and self._is_in_the_way(item))
+        return item.status == "asked" or (item.status == "failed" and self._is_blocking(item))
 
-    def _is_in_the_way(self, item: CheckItem) -> bool:
+    def _is_blocking(self, item: CheckItem) -> bool:
         return self._binding and item.check.blocks
 
     @property
@@ -110,7 +110,7 @@ class CheckList:
         """Why the session cannot go on yet, in a sentence; empty: it can."""
         running = [item.check.id for item in self.items if item.outcome is None]
         asked = [item.check.id for item in self.items if item.status == "asked"]
-        failed = [item.check.id for item in self.items if item.status == "failed" and self._is_in_the_way(item)]
+        failed = [item.check.id for item in self.items if item.status == "failed" and self._is_blocking(item)]
         if failed:
             return f"{_listed(failed)} failed"
         if asked:

@@ -32,7 +32,7 @@ class UnsaidText(NamedTuple):
     text: str
     begun: bool
     """Whether it was sent to the robot, which may have spoken part of it."""
-    ways: int = 1
+    variants: int = 1
     """The number of possible wordings, one of which would have been picked. This is the first."""
 
 
@@ -81,7 +81,7 @@ def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Map
         return UnsaidText(words, begun=True) if words is not None else None
     messages = (message_of(scenario, call) for call in action.calls)
     first = next((message for message in messages if message is not None), None)
-    return UnsaidText(fill_known(first, memory), begun=False, ways=len(action.calls)) if first is not None else None
+    return UnsaidText(fill_known(first, memory), begun=False, variants=len(action.calls)) if first is not None else None
 
 
 def _was_sent(begun: ActionView) -> bool:
@@ -150,9 +150,9 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
     if not unsaid:
         remark = "all of its words were said" if has_speech(scenario, task) else "it has nothing to say"
         yield ((f"   {remark}", "plain"),)
-    for text, begun, ways in unsaid:
+    for text, begun, variants in unsaid:
         label = "perhaps begun" if begun else "not said"
-        label = f"one of {ways}" if ways > 1 else label
+        label = f"one of {variants}" if variants > 1 else label
         for at, piece in enumerate(wrap(f"“{text}”", max(10, width - LABEL - 2))):
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 

@@ -93,7 +93,9 @@ def interrupted_rules(store: Store) -> list[InterruptedRule]:
         rule = store.scenario.rules.get(stood.rule)
         state = rule.states.get(stood.state) if rule is not None else None
         if rule is not None and state is not None:
-            waits = " or ".join(dict.fromkeys(wait_text(store.scenario, way) for way in state.transitions))
+            waits = " or ".join(
+                dict.fromkeys(wait_text(store.scenario, transition) for transition in state.transitions)
+            )
             found.append(
                 InterruptedRule(rule.name, state.id, entry_summary(store.scenario, rule, state.id, store.memory), waits)
             )

@@ -159,10 +159,10 @@ class GraphPosition(NamedTuple):
 def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
     """The rows, none wider than the layout. Only the marks depend on the moment."""
     last = layout.edges.get(now.last) if now.last is not None else None
-    ways = [edge for edge in layout.edges.values() if edge.source == now.state]
-    follows = {edge.target for edge in ways if edge.way not in ("stays", "again")}
+    edges = [edge for edge in layout.edges.values() if edge.source == now.state]
+    follows = {edge.target for edge in edges if edge.kind not in ("stays", "again")}
     roles: dict[tuple[int, int], TextRole] = {}
-    for edge in ways:
+    for edge in edges:
         roles.update(dict.fromkeys(edge_path(layout, edge), "plain"))
     if last is not None:
         roles.update(dict.fromkeys(edge_path(layout, last), "accent"))
@@ -174,7 +174,9 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
             marks = ["here"] if is_present else ["maybe next"] if row.state in follows else []
             line += _state_spans(layout, row, marks)
         if row.edge is not None:
-            line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
+            line += _transition_spans(
+                layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line)
+            )
         id = f"{HERE if is_present else STATE}:{row.state}" if row.is_state else ""
         rows.append(ListRow(id, crop(tuple(line), layout.width), selectable=row.is_state))
     return rows
@@ -207,7 +209,7 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
     return [glyph, (name, role), (words, "accent" if "here" in marks else "muted"), (padding, "plain")]
 
 
-def _way_spans(
+def _transition_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
     """A transition's label and its end: its target if no rail shows it, and whether it was taken."""
@@ -215,9 +217,9 @@ def _way_spans(
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)
     tail: list[StyledSpan] = [("  last step", "accent")] if taken else []
-    if edge.way in ("stays", "again"):
-        tail.insert(0, (f"  {edge.way}", "muted"))
-    elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
+    if edge.kind in ("stays", "again"):
+        tail.insert(0, (f"  {edge.kind}", "muted"))
+    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > FAR):
         free = room - line_width(tail) - 3
         target = shorten(edge.target, max(free // 2, free - cell_len(label)))
         tail.insert(0, (f" → {target}", role))
@@ -225,4 +227,4 @@ def _way_spans(
 
 
 def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
-    return abs(edge.row - layout.row_of[edge.target]) if edge.way == "rail" and edge.target is not None else 0
+    return abs(edge.row - layout.row_of[edge.target]) if edge.kind == "rail" and edge.target is not None else 0

@@ -145,13 +145,13 @@ def _seconds_left(store: Store) -> float | None:
     longest = 0.0
     for task in store.running_tasks:
         if task.function == "say":
-            left = store.current_sentence().seconds
+            remaining = store.current_sentence().seconds
         else:
             usual = store.typical_seconds(task.behavior)
-            left = None if usual is None or task.started is None else usual - (store.now() - task.started)
-        if left is None:
+            remaining = None if usual is None or task.started is None else usual - (store.now() - task.started)
+        if remaining is None:
             return None
-        longest = max(longest, left)
+        longest = max(longest, remaining)
     return longest if store.view.running else None
 
 

@@ -134,7 +134,7 @@ def assert_shown(view: SessionView, kernel: Kernel) -> None:
     assert view.waiting == [task.id for task in kernel.scheduler.waiting]
     assert sorted(view.running) == sorted(kernel.scheduler.runner.runs)
     assert view.stop.status == kernel.stop.status
-    stood = [(rule.name, rule.state) for rule in kernel.stop.stood]
+    stood = [(rule.name, rule.state) for rule in kernel.stop.stopped_rules]
     assert [(rule.rule, rule.state) for rule in view.stop.stood] == stood
     assert view.questions == list(kernel.failures.state.asked)
     for name, each in kernel.rules.stack.items():

@@ -15,7 +15,7 @@ from msgspec.structs import asdict
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RuleRecord, TaskRecord
-from rise_engine.kernel.view import StoodView
+from rise_engine.kernel.view import StoppedRuleView
 from rise_engine.scenario.loader import load
 from tests.chance import examples
 
@@ -147,7 +147,7 @@ def test_a_second_stop_forgets_nothing_and_the_release_forgets_all(two: Session)
     stopped(two)
     two.submit("stopAll")
     two.confirm_stop("all")
-    assert view_of(two).stop.stood == [StoodView("High", "b"), StoodView("Low", "b")]
+    assert view_of(two).stop.stood == [StoppedRuleView("High", "b"), StoppedRuleView("Low", "b")]
     release(two, Low="wait")
     assert view_of(two).stop.stood == []
     stopped(two)

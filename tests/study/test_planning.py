@@ -454,14 +454,14 @@ def test_check_finds_everything_at_once(tmp_path: Path) -> None:
     (tmp_path / "scenario" / "memory.json").write_text('{"hesitation": false, "noise": 1')
     files = [line.partition(":")[0] for line in review(tmp_path)]
     assert set(files) == {"study.toml", "participants.csv", "plan.csv", "scenario/memory.json", "study.jsonl"}
-    assert review_study(tmp_path).left_out == ()
+    assert review_study(tmp_path).omitted == ()
 
 
 def test_a_plan_of_another_study_is_left_out_of_what_is_told_twice(tmp_path: Path) -> None:
     study_folder(tmp_path, DESIGN.replace('["de", "en"]', '["de"]'))
-    assert review_study(tmp_path).left_out == ("participants.csv",), "there is no plan yet"
+    assert review_study(tmp_path).omitted == ("participants.csv",), "there is no plan yet"
     (tmp_path / PLAN_FILE).write_text(GOOD)
-    assert review_study(tmp_path).left_out == ("participants.csv", PLAN_FILE)
+    assert review_study(tmp_path).omitted == ("participants.csv", PLAN_FILE)
 
 
 def test_slots_keep_their_seed_whatever_else_changes(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ class SimulatedRobot:
             self._timers.append(self._clock.call_at(vanish.at, partial(down, f"{why} (simulated fault)")))
             if vanish.back is not None:
                 self._timers.append(self._clock.call_at(vanish.back, up))
-        self._report_standing()
+        self._report_state()
 
     def start(self, goal: StartAction) -> None:
         self._counts[goal.type] += 1
@@ -281,12 +281,12 @@ class SimulatedRobot:
         parts = sorted(self._parts.get(goal.type, ())) or [f"{self._profile.name}/{goal.type}"]
         part = "+".join([parts[0], *(each.rpartition("/")[2] for each in parts[1:])])
         self._open[action] = OpenGoal(part, action, goal.type, reason, holds, goal.accepted)
-        self._report_standing()
+        self._report_state()
         self._report(ending)
 
     def _close(self, action: str) -> None:
         del self._open[action]
-        self._report_standing()
+        self._report_state()
 
     def _holding_part(self, type: str) -> OpenGoal | None:
         """The open goal that holds a part which such an action needs."""
@@ -294,7 +294,7 @@ class SimulatedRobot:
         held = (goal for goal in self._open.values() if goal.holds and needed & self._parts.get(goal.type, set()))
         return next(held, None)
 
-    def _report_standing(self) -> None:
+    def _report_state(self) -> None:
         status: Literal["connected", "degraded", "lost"]
         if self._links_down:
             status, detail = "lost", self._links_down[-1]
@@ -314,11 +314,11 @@ class SimulatedRobot:
 
     def _deactivate(self, why: str) -> None:
         self._inactive = why
-        self._report_standing()
+        self._report_state()
 
     def _activate(self) -> None:
         self._inactive = ""
-        self._report_standing()
+        self._report_state()
 
     def _cut_link(self, why: str) -> None:
         self._links_down.append(why)
@@ -326,12 +326,12 @@ class SimulatedRobot:
             goal.drop_timers()
         self._goals.clear()
         self._open.clear()
-        self._report_standing()
+        self._report_state()
 
     def _restore_link(self) -> None:
         self._links_down.pop()
         if not self._links_down:
-            self._report_standing()
+            self._report_state()
             self._repeat_stop_report()
 
     def _next_fault(self, action: str) -> ActionFault | None:

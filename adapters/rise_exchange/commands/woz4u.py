@@ -49,7 +49,7 @@ def woz4u(file: str, output: str, title: str | None) -> None:
     if loaded.scenario is None:  # an item's text is not valid
         raise Refused(findings=loaded.errors)
     _write(folder, study)
-    print_lines(*study.says, "", "Not imported, or to be checked:", *(f"- {each}" for each in study.left_out))
+    print_lines(*study.says, "", "Not imported, or to be checked:", *(f"- {each}" for each in study.omitted))
     print_lines("", f"{output}: check it with rise-engine check {quote(output)}")
 
 

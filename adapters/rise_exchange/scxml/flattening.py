@@ -248,7 +248,11 @@ def events_of(chart: Chart) -> list[str]:
     """Return every event that a chart can receive: raised, sent and automatic ones, and those in its transitions."""
     found: dict[str, None] = {}
     for state in _all_states(chart.root):
-        for content in (*state.on_entry, *state.on_exit, *(way.content for way in _ways(state))):
+        for content in (
+            *state.on_entry,
+            *state.on_exit,
+            *(transition.content for transition in _own_transitions(state)),
+        ):
             found.update(dict.fromkeys(_raised(content)))
     for place in chart.places:
         found[place.event] = None
@@ -302,7 +306,7 @@ def _all_states(state: ChartState) -> Iterator[ChartState]:
         yield from _all_states(inner)
 
 
-def _ways(state: ChartState) -> list[ChartTransition]:
+def _own_transitions(state: ChartState) -> list[ChartTransition]:
     return [*state.transitions, *([state.initial] if state.initial is not None else [])]
 
 

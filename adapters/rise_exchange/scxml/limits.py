@@ -151,7 +151,7 @@ class RuleAnalysis:
     @cached_property
     def goes_round(self) -> bool:
         """Whether its states have a circle of transitions that wait only for conditions and its own events."""
-        ways = {
+        targets_of = {
             state.id: {
                 transition.target or state.id
                 for transition in state.transitions
@@ -160,10 +160,10 @@ class RuleAnalysis:
             }
             for state in self.rule.states.values()
         }
-        while leaves := [state for state, targets in ways.items() if not targets & ways.keys()]:
+        while leaves := [state for state, targets in targets_of.items() if not targets & targets_of.keys()]:
             for state in leaves:
-                del ways[state]
-        return bool(ways)
+                del targets_of[state]
+        return bool(targets_of)
 
 
 REFUSALS = {

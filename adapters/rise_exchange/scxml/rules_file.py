@@ -87,16 +87,16 @@ def _state_lines(state: MadeState) -> Iterator[str]:
         yield "    <onEntry>"
         yield from _function_lines(state.on_entry, 6)
         yield "    </onEntry>"
-    for way in state.transitions:
-        attributes = f" eventTopic={quoteattr('/' + way.event)}" if way.event is not None else ""
-        attributes += f" cond={quoteattr(way.condition)}" if way.condition else ""
-        if way.event is None or way.target != state.id:
-            attributes += f" target={quoteattr(way.target)}"
-        if way.lines:
+    for transition in state.transitions:
+        attributes = f" eventTopic={quoteattr('/' + transition.event)}" if transition.event is not None else ""
+        attributes += f" cond={quoteattr(transition.condition)}" if transition.condition else ""
+        if transition.event is None or transition.target != state.id:
+            attributes += f" target={quoteattr(transition.target)}"
+        if transition.lines:
             yield f"    <transition{attributes}>"
-            yield from _function_lines(way.lines, 6)
+            yield from _function_lines(transition.lines, 6)
             yield "    </transition>"
-        elif "target" in attributes or way.target != state.id:
+        elif "target" in attributes or transition.target != state.id:
             yield f"    <transition{attributes}/>"
         else:  # has no effect, but skips the transitions after it
             yield f"    <transition{attributes} target={quoteattr(state.id)}/>"
@@ -191,7 +191,7 @@ def outside_events(made: MadeRules) -> list[str]:
 def called_acts(made: MadeRules) -> list[str]:
     """The acts that the rules start or stop, by name."""
     blocks = [state.on_entry for state in made.states]
-    blocks += [way.lines for state in made.states for way in state.transitions]
+    blocks += [transition.lines for state in made.states for transition in state.transitions]
     names = {line.argument for block in blocks for line in _lines(block) if line.name.endswith("CommunicationRobotAct")}
     return sorted(names)
 
@@ -246,10 +246,12 @@ def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnos
         if rule.name in own:
             continue
         for state in rule.states.values():
-            for way in state.transitions:
-                if way.event in made.raised:
-                    message = f"`/{way.event}` is for the chart itself, which raises it; this rule would take it away"
-                    diagnostics.error("shared-event", way.location, message)
+            for transition in state.transitions:
+                if transition.event in made.raised:
+                    message = (
+                        f"`/{transition.event}` is for the chart itself, which raises it; this rule would take it away"
+                    )
+                    diagnostics.error("shared-event", transition.location, message)
         for function in rule.functions:
             _check_function(function, keys, sent, diagnostics)
     for binding in scenario.keys.values():

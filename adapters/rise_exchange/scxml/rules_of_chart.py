@@ -122,8 +122,8 @@ class _RuleMaker:
         self.name = name
         self.diagnostics = diagnostics
         self.helpers = _helpers(dict.fromkeys(chart.places, 1), name)
-        self.ways = list(all_transitions(chart.root))
-        self.awaits_errors = any(matches(way, ERROR) for way in self.ways)
+        self.transitions = list(all_transitions(chart.root))
+        self.awaits_errors = any(matches(transition, ERROR) for transition in self.transitions)
         self.is_final = False
         """Whether the knowledge is final, so that diagnostics count."""
         self.translator = ContentTranslator(self.helpers, self.report, follows_values=True)
@@ -285,10 +285,12 @@ class _RuleMaker:
 
     def check_conditions(self) -> None:
         """Report conditions that are no expressions. They are false, and raise an event that rules cannot see."""
-        for way in self.ways:
-            if way.condition is not None and way.condition.root is None and self.awaits_errors:
-                message = f"`{way.condition.text.strip()}` is not an expression: it is false, and raises `{ERROR}`"
-                location = way.condition.location
+        for transition in self.transitions:
+            if transition.condition is not None and transition.condition.root is None and self.awaits_errors:
+                message = (
+                    f"`{transition.condition.text.strip()}` is not an expression: it is false, and raises `{ERROR}`"
+                )
+                location = transition.condition.location
                 self.report("condition-error", location, f"{message}, which conditions of rules never do")
 
     # --- the rule ---
@@ -307,18 +309,18 @@ class _RuleMaker:
                 if transition.target.is_over:
                     after += self.stop_helpers(behind)
                 condition = all_hold(conditions) if conditions or transition.event is None else ""
-                way = MadeTransition(transition.event, condition, transition.target.name, before, after)
+                written = MadeTransition(transition.event, condition, transition.target.name, before, after)
                 if transition.event is not None:
                     awaited[transition.event] = None
-                result.transitions.append(way)
+                result.transitions.append(written)
             if not result.transitions and not state.is_over:  # it waits forever; a rule without a transition would end
                 result.transitions.append(MadeTransition(None, "false", state.name, (), ()))
             self.check_endless(state)
         if first.is_over:
             entering += self.stop_helpers(self.known[first])
         states = [self.without_idle_raises(state, awaited) for state in made.values()]
-        way = MadeTransition(None, "true", first.name, self.kept(lines, awaited), self.kept(entering, awaited))
-        initial = _share_entries(way, states)
+        start = MadeTransition(None, "true", first.name, self.kept(lines, awaited), self.kept(entering, awaited))
+        initial = _share_entries(start, states)
         names = {name for known in self.known.values() for name in known if name.isidentifier()}
         keys = [*sorted(names), *(helper.key for helper in self.helpers)]
         raised = sorted(self.translator.raised & set(awaited) | self.translator.raised_inside)
@@ -332,10 +334,10 @@ class _RuleMaker:
         passed: list[FlatState] = []
         while state not in passed:
             passed.append(state)
-            way = next(iter(self.live(state)), None) if state in self.known else None
-            if way is None or way[0].event is not None or way[2]:
+            transition = next(iter(self.live(state)), None) if state in self.known else None
+            if transition is None or transition[0].event is not None or transition[2]:
                 return
-            state = way[0].target
+            state = transition[0].target
         location = passed[0].transitions[0].location
         self.report("endless", location, "from here, transitions without event or condition lead in an endless circle")
 
@@ -344,13 +346,17 @@ class _RuleMaker:
         return tuple(line for place in self.chart.places for line in self.translator.stop(place, known))
 
     def without_idle_raises(self, state: MadeState, awaited: dict[str, None]) -> MadeState:
-        ways = [
+        transitions = [
             MadeTransition(
-                way.event, way.condition, way.target, self.kept(way.lines, awaited), self.kept(way.entering, awaited)
+                transition.event,
+                transition.condition,
+                transition.target,
+                self.kept(transition.lines, awaited),
+                self.kept(transition.entering, awaited),
             )
-            for way in state.transitions
+            for transition in state.transitions
         ]
-        return MadeState(state.id, state.comment, (), ways)
+        return MadeState(state.id, state.comment, (), transitions)
 
     def kept(self, lines: Lines, awaited: dict[str, None]) -> Lines:
         """Return the lines without events that the standard raises automatically and that have no listener."""
@@ -402,13 +408,17 @@ def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
     """
     by_id = {state.id: state for state in states}
     entering: dict[str, list[Lines]] = {state.id: [] for state in states}
-    for way in (start, *(way for state in states for way in state.transitions if not _stays(state, way))):
-        entering[way.target].append(way.entering)
+    for transition in (
+        start,
+        *(transition for state in states for transition in state.transitions if not _stays(state, transition)),
+    ):
+        entering[transition.target].append(transition.entering)
     for state in states:
         state.on_entry = _common_end(entering[state.id])
     for state in states:
         state.transitions = [
-            _joined(way, () if _stays(state, way) else by_id[way.target].on_entry) for way in state.transitions
+            _joined(transition, () if _stays(state, transition) else by_id[transition.target].on_entry)
+            for transition in state.transitions
         ]
     before = _joined(start, by_id[start.target].on_entry).lines
     if not before:
@@ -420,15 +430,15 @@ def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
     return id
 
 
-def _joined(way: MadeTransition, end: Lines) -> MadeTransition:
+def _joined(transition: MadeTransition, end: Lines) -> MadeTransition:
     """Return a transition with all its actions in `lines`, except those that its target now does."""
-    entering = way.entering[: len(way.entering) - len(end)]
-    return MadeTransition(way.event, way.condition, way.target, way.lines + entering, ())
+    entering = transition.entering[: len(transition.entering) - len(end)]
+    return MadeTransition(transition.event, transition.condition, transition.target, transition.lines + entering, ())
 
 
-def _stays(state: MadeState, way: MadeTransition) -> bool:
+def _stays(state: MadeState, transition: MadeTransition) -> bool:
     """Whether the rule stays in its state, as a transition without a target does."""
-    return way.event is not None and way.target == state.id
+    return transition.event is not None and transition.target == state.id
 
 
 def _common_end(several: list[Lines]) -> Lines:

@@ -58,7 +58,7 @@ class WozFile(Struct, frozen=True):
     """The speed of the voice; 1 is normal."""
     volume: float
     tablet_folder: str
-    left_out: tuple[str, ...]
+    omitted: tuple[str, ...]
     """Top-level keys about the robot or about WoZ4U itself."""
 
 
@@ -228,7 +228,7 @@ class SpeechReader:
         self.actions: list[MadeAction] = []
         self.new_animations: list[str] = []
         """Names that the robot's profile does not list."""
-        self.left_out: list[str] = []
+        self.omitted: list[str] = []
         """Parts without a counterpart in acts, as written."""
         self._after: list[int] = []
         """The actions that the next words wait for."""
@@ -244,7 +244,7 @@ class SpeechReader:
             name = (mark[2] or "").strip()
             act = self._movement(mark[1], name) if mark[1] is not None else self._setting(mark[3], mark[4] or "")
             if act is None:
-                self.left_out.append(mark[0])
+                self.omitted.append(mark[0])
             else:
                 self._say(words)
                 words = ""

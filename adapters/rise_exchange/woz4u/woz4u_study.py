@@ -72,7 +72,7 @@ class ImportedStudy(Struct, frozen=True):
     files: dict[str, str]
     says: tuple[str, ...]
     """The result for each part, for the screen."""
-    left_out: tuple[str, ...]
+    omitted: tuple[str, ...]
     """Omitted parts, with the reason."""
 
 
@@ -99,7 +99,7 @@ class _StudyMaker:
         self.robot = robot
         self.read_text = read_text
         self.acts: list[_MadeAct] = []
-        self.left_out: list[str] = []
+        self.omitted: list[str] = []
         animation = robot.actions["Animation"].parameters["value"] if "Animation" in robot.actions else None
         self.animations: list[str] = []
         self.animation = animation
@@ -123,22 +123,22 @@ class _StudyMaker:
             files["rules/beginning.xml"] = _beginning_text(defaults)
         if self.local_files:
             names = ", ".join(self.local_files)
-            self.left_out.append(
+            self.omitted.append(
                 f"files of WoZ4U's own server ({self.woz.tablet_folder}): {names}; put them where the tablet can reach "
                 "them, and write their addresses into acts/tablet.xml"
             )
-        if self.woz.left_out:
-            self.left_out.append(
-                f"settings of the robot or of WoZ4U itself: {', '.join(f'`{key}`' for key in self.woz.left_out)}"
+        if self.woz.omitted:
+            self.omitted.append(
+                f"settings of the robot or of WoZ4U itself: {', '.join(f'`{key}`' for key in self.woz.omitted)}"
             )
         if self.animations:
-            self.left_out.append(
+            self.omitted.append(
                 f"to be tried, because Pepper's profile does not list these movements: {', '.join(self.animations)}; "
                 "scenario.toml names them under [actions.Animation], as NAOqi may have them"
             )
         files["README.md"] = self._page()
         counted = (f"{pluralize(len(self.acts), 'act')}, {pluralize(sum(bool(act.key) for act in self.acts), 'key')}",)
-        return ImportedStudy(files, (*counted, *self._key_lines()), tuple(self.left_out))
+        return ImportedStudy(files, (*counted, *self._key_lines()), tuple(self.omitted))
 
     # --- acts -------------------------------------------------------------------------------------------------------
 
@@ -165,7 +165,7 @@ class _StudyMaker:
         if text.strip().lower().endswith(".txt"):
             found = self.read_text(text.strip())
             if found is None:
-                self.left_out.append(
+                self.omitted.append(
                     f"line {item.line}: “{item.title}” says the text file {text.strip()}, which does not exist"
                 )
                 return []
@@ -173,11 +173,11 @@ class _StudyMaker:
         reader = SpeechReader(self.animation, self.woz.rate, self.woz.volume)
         actions = reader.read(text)
         if not actions:
-            self.left_out.append(f"line {item.line}: “{item.title}” says and does nothing")
+            self.omitted.append(f"line {item.line}: “{item.title}” says and does nothing")
         self._note_animations(reader)
-        if reader.left_out:
-            marks = ", ".join(f"`{mark}`" for mark in dict.fromkeys(reader.left_out))
-            self.left_out.append(f"line {item.line}: in “{item.title}”, acts have nothing for {marks}")
+        if reader.omitted:
+            marks = ", ".join(f"`{mark}`" for mark in dict.fromkeys(reader.omitted))
+            self.omitted.append(f"line {item.line}: in “{item.title}”, acts have nothing for {marks}")
         return actions
 
     def _note_animations(self, reader: SpeechReader) -> None:
@@ -187,7 +187,7 @@ class _StudyMaker:
         name = str(item.values["file_name"]).strip()
         if "://" in name:
             if not re.search(r"\.(?:png|jpe?g|gif|bmp|svg|webp)\Z", name, re.IGNORECASE):
-                self.left_out.append(
+                self.omitted.append(
                     f"line {item.line}: “{item.title}” is a page or a video; ShowOnTablet is for pictures, so try it"
                 )
             return name
@@ -217,7 +217,7 @@ class _StudyMaker:
             if not act.key and free:
                 act.key = free.pop(0)
         if without := [act.item.title for act in self.acts if not act.key]:
-            self.left_out.append(f"without a key, because there are no more: {', '.join(without)}")
+            self.omitted.append(f"without a key, because there are no more: {', '.join(without)}")
 
     def _key_lines(self) -> Iterator[str]:
         for act in self.acts:
@@ -255,7 +255,7 @@ class _StudyMaker:
         rows = [
             f"| {f'`{act.key}`' if act.key else ''} | {act.name} | {'+'.join(act.item.keys)} |" for act in self.acts
         ]
-        left = "\n".join(f"- {sentence}" for sentence in self.left_out) or "- nothing"
+        left = "\n".join(f"- {sentence}" for sentence in self.omitted) or "- nothing"
         table = "\n".join(["| key | act | before |", "|---|---|---|", *rows])
         head = f"# {self.title}\n\nMade from a configuration of WoZ4U.\n"
         return f"{head}\n{table}\n\nNot imported, or to be checked:\n\n{left}\n"

@@ -63,8 +63,8 @@ class Picture(NamedTuple):
 def picture_of_rule(rule: Rule, width: int) -> Picture:
     """Draw a rule like the console does for a rule that is not running."""
     layout = lay_out_graph(rule, width)
-    ways = sum(len(state.transitions) for state in rule.states.values())
-    summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(ways, 'transition')}"
+    transitions = sum(len(state.transitions) for state in rule.states.values())
+    summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(transitions, 'transition')}"
     return Picture("rule", rule.name, summary, tuple(_state_row(layout, row) for row in layout.rows), width)
 
 
@@ -88,17 +88,17 @@ def _state_row(layout: GraphLayout, row: GraphRow) -> PictureRow:
         elif row.node:
             lines += row.node
             column += 2 + (INDENT if layout.names else 0)
-        pieces += _way_pieces(layout, row.edge, column)
+        pieces += _transition_pieces(layout, row.edge, column)
     return PictureRow(lines, tuple(pieces))
 
 
-def _way_pieces(layout: GraphLayout, edge: GraphEdge, column: int) -> list[Piece]:
+def _transition_pieces(layout: GraphLayout, edge: GraphEdge, column: int) -> list[Piece]:
     """Place a transition's label, and its target where no rail shows it."""
     room = max(3, layout.width - column)
     label, tail = clean(edge.label), ""
-    if edge.way in ("stays", "again"):
-        tail = edge.way
-    elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):
+    if edge.kind in ("stays", "again"):
+        tail = edge.kind
+    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > FAR):
         tail = "→ " + shorten_to(edge.target, max((room - 4) // 2, room - 4 - cell_length(label)))
     label = shorten_to(label, max(3, room - cell_length(tail) - (2 if tail else 0)))
     pieces = [Piece(column, label, "label")]
@@ -109,7 +109,7 @@ def _way_pieces(layout: GraphLayout, edge: GraphEdge, column: int) -> list[Piece
 
 
 def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
-    return abs(edge.row - layout.row_of[edge.target]) if edge.way == "rail" and edge.target is not None else 0
+    return abs(edge.row - layout.row_of[edge.target]) if edge.kind == "rail" and edge.target is not None else 0
 
 
 def picture_of_act(act: Act, width: int) -> Picture:
@@ -253,7 +253,7 @@ def _line_path(rows: Sequence[PictureRow]) -> Iterator[str]:
                     across.setdefault(number, set()).add(2 * column + (end == "R"))
                 else:
                     down.setdefault(column, set()).add(2 * number + (end == "D"))
-            if character == "○" and _has_way_below(rows, number, column):
+            if character == "○" and _has_line_below(rows, number, column):
                 down.setdefault(column, set()).add(2 * number + 1)
     for number in sorted(across):
         y = HEADING + number * ROW + ROW // 2
@@ -265,7 +265,7 @@ def _line_path(rows: Sequence[PictureRow]) -> Iterator[str]:
             yield f"M{x},{HEADING + first * ROW // 2}V{HEADING + last * ROW // 2}"
 
 
-def _has_way_below(rows: Sequence[PictureRow], number: int, column: int) -> bool:
+def _has_line_below(rows: Sequence[PictureRow], number: int, column: int) -> bool:
     """Return whether a line continues below a state."""
     below = rows[number + 1].lines if number + 1 < len(rows) else ""
     return len(below) > column and "U" in _ENDS.get(below[column], "")

@@ -63,7 +63,7 @@ def shorten_to(text: str, width: int) -> str:
 
 # --- the order of states ----------------------------------------------------------------------------------------------
 
-Ways = Mapping[str, Sequence[str]]
+Targets = Mapping[str, Sequence[str]]
 """For every state, its possible next states in the file's order, each once."""
 
 
@@ -80,44 +80,48 @@ def find_state_order(rule: Rule) -> StateOrder:
 
     The order depends on the rule alone, so that a state never changes its place.
     """
-    ways = {
-        name: tuple(dict.fromkeys(way.target for way in state.transitions if way.target in rule.states))
+    targets = {
+        name: tuple(
+            dict.fromkeys(transition.target for transition in state.transitions if transition.target in rule.states)
+        )
         for name, state in rule.states.items()
     }
-    first = [rule.initial] if rule.initial in ways else []
-    course = _find_course(first, ways)
-    rest = _find_course((name for name in ways if name not in set(course)), ways, frozenset(course))
+    first = [rule.initial] if rule.initial in targets else []
+    course = _find_course(first, targets)
+    rest = _find_course((name for name in targets if name not in set(course)), targets, frozenset(course))
     return StateOrder((*course, *rest), len(course))
 
 
-def _find_course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:
+def _find_course(roots: Iterable[str], targets: Targets, known: frozenset[str] = frozenset()) -> list[str]:
     """Order everything that the roots reach: a state comes after all that lead to it, apart from loops."""
-    entries, loops, found = _explore(roots, ways, known)
-    open_ways = dict.fromkeys(found, 0)
+    entries, loops, found = _explore(roots, targets, known)
+    open_entries = dict.fromkeys(found, 0)
     for source in found:
-        for target in _onward_states(source, ways, loops, open_ways):
-            open_ways[target] += 1
+        for target in _onward_states(source, targets, loops, open_entries):
+            open_entries[target] += 1
     placed: list[str] = []
-    ready = [root for root in reversed(entries) if not open_ways[root]]
+    ready = [root for root in reversed(entries) if not open_entries[root]]
     while ready:
         state = ready.pop()
         placed.append(state)
         follow = []
-        for target in _onward_states(state, ways, loops, open_ways):
-            open_ways[target] -= 1
-            if not open_ways[target]:
+        for target in _onward_states(state, targets, loops, open_entries):
+            open_entries[target] -= 1
+            if not open_entries[target]:
                 follow.append(target)
         follow.reverse()  # the last of the list is placed next
-        ready.extend(sorted(follow, key=lambda one: bool(ways[one])))
+        ready.extend(sorted(follow, key=lambda one: bool(targets[one])))
     return placed
 
 
-def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: Mapping[str, int]) -> Iterable[str]:
-    return (target for target in ways[source] if target in among and (source, target) not in loops)
+def _onward_states(
+    source: str, targets: Targets, loops: set[tuple[str, str]], among: Mapping[str, int]
+) -> Iterable[str]:
+    return (target for target in targets[source] if target in among and (source, target) not in loops)
 
 
 def _explore(
-    roots: Iterable[str], ways: Ways, known: frozenset[str]
+    roots: Iterable[str], targets: Targets, known: frozenset[str]
 ) -> tuple[list[str], set[tuple[str, str]], list[str]]:
     """Search depth first, first transitions first: return the entries, the transitions closing a loop, the states."""
     entries: list[str] = []
@@ -130,7 +134,7 @@ def _explore(
         entries.append(root)
         seen.add(root)
         found.append(root)
-        walked = [(root, iter(ways[root]))]
+        walked = [(root, iter(targets[root]))]
         walking = {root}
         while walked:
             state, rest = walked[-1]
@@ -144,11 +148,11 @@ def _explore(
                 seen.add(target)
                 found.append(target)
                 walking.add(target)
-                walked.append((target, iter(ways[target])))
+                walked.append((target, iter(targets[target])))
     return entries, loops, found
 
 
-Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
+EdgeKind: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
 """How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state again."""
 
 LONG = 26
@@ -167,7 +171,7 @@ class GraphEdge(NamedTuple):
     """Index among its state's transitions, in the file's order."""
     target: str | None
     label: str
-    way: Way
+    kind: EdgeKind
     row: int
     """The row with its label."""
     lane: int = -1
@@ -220,12 +224,12 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
     plan = _plan_rows(rule, order, compact)
     row_of = {row.state: index for index, row in enumerate(plan) if row.is_state}
     edges = {(row.edge.source, row.edge.number): row.edge for row in plan if row.edge is not None}
-    rails = _assign_lanes([edge for edge in edges.values() if edge.way == "rail"], row_of, most)
+    rails = _assign_lanes([edge for edge in edges.values() if edge.kind == "rail"], row_of, most)
     lane_of = {row: rail.lane for rail in rails for row in rail.sources}
     for key, edge in edges.items():
-        if edge.way == "rail":
+        if edge.kind == "rail":
             lane = lane_of.get(edge.row, -1)
-            edges[key] = edge._replace(lane=lane, way="rail" if lane >= 0 else "word")
+            edges[key] = edge._replace(lane=lane, kind="rail" if lane >= 0 else "word")
     lanes = max((rail.lane + 1 for rail in rails), default=0)
     names = max(map(cell_length, rule.states)) + MARKS if compact else 0
     return GraphLayout(
@@ -240,7 +244,7 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
 
 def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]:
     """Yield the cells, row and column, of a transition's rail from its label to the arrow; none without a rail."""
-    if edge.way != "rail" or edge.target is None:
+    if edge.kind != "rail" or edge.target is None:
         return
     arrow = layout.row_of[edge.target]
     column = layout.gutter - 2 * (edge.lane + 1)
@@ -262,7 +266,7 @@ def _draw_rows(
 ) -> Iterator[GraphRow]:
     """Add the rails and nodes to the rows of the plan."""
     reached = set(order.states[: order.reached])
-    falling = {edge.source for edge in edges.values() if edge.way == "down"}
+    falling = {edge.source for edge in edges.values() if edge.kind == "down"}
     for index, row in enumerate(plan):
         edge = edges[row.edge.source, row.edge.number] if row.edge is not None else None
         node, notes = "", {}
@@ -286,7 +290,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
         other: list[GraphEdge] = []
         for index, transition in enumerate(rule.states[name].transitions):
             target = transition.target
-            way: Way = (
+            kind: EdgeKind = (
                 "stays" if target is None
                 else "again" if target == name
                 else "down" if target == below
@@ -296,7 +300,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
             label = transition_label(transition)
             if transition.condition is not None and not transition.is_eventless:
                 label = f"{label} if {transition.condition.text}"
-            (down if way == "down" else other).append(GraphEdge(name, index, target, label, way, 0))
+            (down if kind == "down" else other).append(GraphEdge(name, index, target, label, kind, 0))
         beside = down.pop(0)._replace(row=len(plan)) if compact and down else None
         plan.append(GraphRow(name, True, beside))
         for edge in (*other, *down):
@@ -346,7 +350,7 @@ def _gutter_text(row: int, rails: list[_Rail], lanes: int) -> str:
 
 
 def _node_character(edge: GraphEdge, *, last: bool) -> str:
-    match edge.way:
+    match edge.kind:
         case "down":
             return "↓"
         case "rail":

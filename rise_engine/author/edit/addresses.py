@@ -206,10 +206,10 @@ def _block(address: StatementAddress, study: StudyState, rule: WrittenRule, stat
     if address.place == "transition":
         if not 0 <= address.transition < len(state.transitions):
             raise EditRefused(f"{where}: there is no transition number {address.transition}")
-        way = state.transitions[address.transition]
+        transition = state.transitions[address.transition]
         where += f", transition {address.transition + 1}"
-        check_changeable(where, way.reason, rule.file, way.line)
-        return StatementList(rule, where, way.statements, way.node)
+        check_changeable(where, transition.reason, rule.file, transition.line)
+        return StatementList(rule, where, transition.statements, transition.node)
     check_changeable(where, state.reason, rule.file, state.line)
     statements = state.on_entry if address.place == "onEntry" else state.on_exit
     holders = [child for child in state.node if child.tag == address.place]

@@ -188,12 +188,12 @@ class _RuleOutline:
                 states.append(self.read_state(child))
             elif child.tag == "transitions":
                 names = tuple(dict.fromkeys(name.strip() for name in _value(child, "in").split("|") if name.strip()))
-                ways = [self.read_transition(each, names) for each in child if each.tag == "transition"]
+                transitions = [self.read_transition(each, names) for each in child if each.tag == "transition"]
                 for name in names:
-                    shared.setdefault(name, []).extend(ways)
+                    shared.setdefault(name, []).extend(transitions)
         for index, state in enumerate(states):
-            if ways := shared.pop(state.id, []):
-                states[index] = replace(state, transitions=(*state.transitions, *ways))
+            if transitions := shared.pop(state.id, []):
+                states[index] = replace(state, transitions=(*state.transitions, *transitions))
         return WrittenRule(
             _value(element, "name"),
             _value(element, "initial"),
@@ -206,17 +206,17 @@ class _RuleOutline:
 
     def read_state(self, element: Element) -> WrittenState:
         blocks: dict[str, tuple[WrittenStatement, ...]] = {"onEntry": (), "onExit": ()}
-        ways: list[WrittenTransition] = []
+        transitions: list[WrittenTransition] = []
         for child in element:
             if child.tag == "transition":
-                ways.append(self.read_transition(child))
+                transitions.append(self.read_transition(child))
             elif child.tag in blocks:
                 blocks[child.tag] += self.read_statements(child)
         return WrittenState(
             _value(element, "id"),
             blocks["onEntry"],
             blocks["onExit"],
-            tuple(ways),
+            tuple(transitions),
             _template(element),
             **_where(element),
         )

@@ -39,7 +39,7 @@ from rise_engine.author.edit.edits import (
 from rise_engine.author.edit.memory import value_text
 from rise_engine.author.edit.plan import EditRefused, StudyState
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.written_remedies import WRITTEN, FindingPlace, Way, place_of
+from rise_engine.author.edit.written_remedies import WRITTEN, FindingPlace, StateTransition, place_of
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.syntax.toml import KeyPath, toml_path_at
@@ -176,33 +176,41 @@ def _begin_rule(place: FindingPlace) -> Iterator[Remedy]:
         yield Remedy(f"let {rule.name} begin in {first}", SetInitial(rule.name, first), is_likely=True)
 
 
-def _reach_way(place: FindingPlace) -> Iterator[Remedy]:
+def _make_reachable(place: FindingPlace) -> Iterator[Remedy]:
     """Offer remedies for a transition that is never taken."""
-    way = place.way
-    if way is None:
+    transition = place.transition
+    if transition is None:
         return
-    form = way.written.form
+    form = transition.written.form
     earlier = place.finding.related
     if earlier is UNSET and form.ended is not None and len(form.outcomes) < 2:  # its rule does not start the act
         ending = form.outcomes[0] if form.outcomes else "end"
         heard = replace(form, ended=None, outcomes=(), event=f"/{form.ended}_{ending}")
-        edit = SetTransition(way.rule.name, way.state.id, way.index, form, heard)
+        edit = SetTransition(transition.rule.name, transition.state.id, transition.index, form, heard)
         yield Remedy(f"wait for {heard.event}, whoever starts the act", edit, is_likely=True)
     if earlier is not UNSET and form.condition is not None:
-        before = [index for index, each in enumerate(way.state.transitions) if each.line == earlier.line]
+        before = [index for index, each in enumerate(transition.state.transitions) if each.line == earlier.line]
         for index in before[:1]:
             title = f"try it before the transition in line {earlier.line}"
-            yield Remedy(title, MoveTransition(way.rule.name, way.state.id, way.index, form, index), is_likely=True)
-    yield _without(way)
+            yield Remedy(
+                title,
+                MoveTransition(transition.rule.name, transition.state.id, transition.index, form, index),
+                is_likely=True,
+            )
+    yield _without(transition)
 
 
-def _remove_way(place: FindingPlace) -> Iterator[Remedy]:
-    if (way := place.way) is not None and way.written.form.target is None and not way.written.statements:
-        yield _without(way)
+def _remove_transition(place: FindingPlace) -> Iterator[Remedy]:
+    if (
+        (transition := place.transition) is not None
+        and transition.written.form.target is None
+        and not transition.written.statements
+    ):
+        yield _without(transition)
 
 
-def _without(way: Way) -> Remedy:
-    edit = RemoveTransition(way.rule.name, way.state.id, way.index, way.written.form)
+def _without(transition: StateTransition) -> Remedy:
+    edit = RemoveTransition(transition.rule.name, transition.state.id, transition.index, transition.written.form)
     return Remedy("remove this transition from the state", edit)
 
 
@@ -214,12 +222,12 @@ def _remove_state(place: FindingPlace) -> Iterator[Remedy]:
 
 
 def _notice_failure(place: FindingPlace) -> Iterator[Remedy]:
-    way = place.way
-    event = way.written.form.event if way is not None else None
-    if way is not None and event is not None and event.endswith("_end"):
-        form = way.written.form
+    transition = place.transition
+    event = transition.written.form.event if transition is not None else None
+    if transition is not None and event is not None and event.endswith("_end"):
+        form = transition.written.form
         heard = replace(form, event=f"{event.removesuffix('_end')}_succeeded")
-        edit = SetTransition(way.rule.name, way.state.id, way.index, form, heard)
+        edit = SetTransition(transition.rule.name, transition.state.id, transition.index, form, heard)
         yield Remedy(f"wait for {heard.event}", edit)
     yield Remedy('ask the wizard: on_failure = "ask"', SetSetting(("on_failure",), "ask"))
 
@@ -281,7 +289,7 @@ _REMEDIES: Mapping[str, Callable[[FindingPlace], Iterable[Remedy]]] = {
     "key-taken": _take_free_key,
     "key-twice": _take_free_key,
     "missing-attribute": _begin_rule,
-    "no-effect": _remove_way,
+    "no-effect": _remove_transition,
     "stale-translation": _keep_translation,
     "unknown-act": _make_act,
     "unknown-id": _wait_for_others,
@@ -292,7 +300,7 @@ _REMEDIES: Mapping[str, Callable[[FindingPlace], Iterable[Remedy]]] = {
     "unknown-text": _remove_setting,
     "unnoticed-failure": _notice_failure,
     "unreachable-state": _remove_state,
-    "unreachable-transition": _reach_way,
+    "unreachable-transition": _make_reachable,
     "unset-key": _give_start_value,
     "unwritable-key": _make_key_writable,
 }

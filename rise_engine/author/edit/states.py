@@ -102,14 +102,14 @@ def _check_not_reached(rule: WrittenRule, name: str) -> None:
     if rule.initial == name:
         instead = "let it begin in another state first" if len(rule.states) > 1 else "remove the rule"
         raise EditRefused(f"{rule.name} begins in {name}; {instead}")
-    ways = [
-        f"{state.id} (line {way.line})"
+    transitions = [
+        f"{state.id} (line {transition.line})"
         for state in rule.states
-        for way in state.transitions
-        if way.form.target == name and state.id != name
+        for transition in state.transitions
+        if transition.form.target == name and state.id != name
     ]
-    if ways:
-        raise EditRefused(f"transitions lead to {name}: from {', '.join(ways)}; let them lead elsewhere first")
+    if transitions:
+        raise EditRefused(f"transitions lead to {name}: from {', '.join(transitions)}; let them lead elsewhere first")
 
 
 def _without_state(shared: Element, name: str) -> list[Splice]:
@@ -172,24 +172,24 @@ def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int
 
     :raises EditRefused: no transition of the state has this form any more.
     """
-    ways = state.transitions
-    if 0 <= index < len(ways) and same_form(ways[index].form, was):
+    transitions = state.transitions
+    if 0 <= index < len(transitions) and same_form(transitions[index].form, was):
         return index
-    like = [number for number, way in enumerate(ways) if same_form(way.form, was)]
+    like = [number for number, transition in enumerate(transitions) if same_form(transition.form, was)]
     if not like:
         raise EditRefused(f"`{state.id}` no longer has a transition that is taken {transition_words(was)}")
     return min(like, key=lambda number: abs(number - index))
 
 
-def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: StudyState) -> _Way:
+def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: StudyState) -> _EditedTransition:
     rule, state = state_of(study, edit.rule, edit.state)
     index = find_transition(state, edit.index, edit.was)
-    way = state.transitions[index]
-    check_changeable(f"the transition of {state.id}", way.reason, rule.file, way.line)
-    return _Way(state, index, way)
+    transition = state.transitions[index]
+    check_changeable(f"the transition of {state.id}", transition.reason, rule.file, transition.line)
+    return _EditedTransition(state, index, transition)
 
 
-class _Way:
+class _EditedTransition:
     """A transition that an edit changes."""
 
     def __init__(self, state: WrittenState, index: int, written: WrittenTransition) -> None:
@@ -207,7 +207,7 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
     check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
     element = NewElement("transition", {name: value for name, value in values.items() if value is not None})
-    own = [way for way in state.transitions if not way.shared_by]
+    own = [transition for transition in state.transitions if not transition.shared_by]
     at = len(own) if edit.at is None else min(max(edit.at, 0), len(own))
     if at < len(own):
         if at and own[at - 1].node is own[at].node:
@@ -223,14 +223,14 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
 
 def plan_set(edit: SetTransition, study: StudyState) -> Plan:
     """Plan the trigger and the target of a transition; its functions stay."""
-    way = _found(edit, study)
-    now, values = way.written.form, transition_attributes(edit.transition)
+    transition = _found(edit, study)
+    now, values = transition.written.form, transition_attributes(edit.transition)
     if same_form(now, edit.transition):
         return Plan()
-    old = {name: (value or "").strip() for name, value in transition_attributes_of(way.node).items()}
+    old = {name: (value or "").strip() for name, value in transition_attributes_of(transition.node).items()}
     changed = {name: value for name, value in values.items() if (value or "").strip() != old[name]}
-    splices = set_attributes(way.node, changed, _TRANSITION_ORDER)
-    says = f"{way.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
+    splices = set_attributes(transition.node, changed, _TRANSITION_ORDER)
+    says = f"{transition.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
     return Plan(tuple(splices), says=(says,))
 
 
@@ -246,35 +246,37 @@ def transition_attributes_of(node: Element) -> dict[str, str]:
 
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
     """Plan the removal of a transition with its functions; the last shared one removes their element, too."""
-    way = _found(edit, study)
-    says = (f"{way.whose} loses the transition: {transition_words(way.written.form)}",)
-    parent = way.node.parent
+    transition = _found(edit, study)
+    says = (f"{transition.whose} loses the transition: {transition_words(transition.written.form)}",)
+    parent = transition.node.parent
     if parent is not None and parent.tag == "transitions" and len(parent) == 1 and collapse(parent) is not None:
         return Plan((removal(parent),), says=says)
-    return Plan((removal_or_collapse(way.node),), says=says)
+    return Plan((removal_or_collapse(transition.node),), says=says)
 
 
 def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
     """Plan to try a transition earlier or later."""
-    way = _found(edit, study)
-    ways = way.state.transitions
-    to = min(max(edit.to, 0), len(ways) - 1)
-    if to == way.index:
+    transition = _found(edit, study)
+    transitions = transition.state.transitions
+    to = min(max(edit.to, 0), len(transitions) - 1)
+    if to == transition.index:
         return Plan()
-    order = [each for each in range(len(ways)) if each != way.index]
-    order.insert(to, way.index)
-    before = ways[order[to - 1]] if to else None
-    behind = ways[order[to + 1]] if to + 1 < len(order) else None
-    parent = way.node.parent
+    order = [each for each in range(len(transitions)) if each != transition.index]
+    order.insert(to, transition.index)
+    before = transitions[order[to - 1]] if to else None
+    behind = transitions[order[to + 1]] if to + 1 < len(order) else None
+    parent = transition.node.parent
     for neighbour, is_behind in ((before, False), (behind, True)):
         if neighbour is None:
             continue
         node = neighbour.node
-        if node.parent is parent and node is not way.node:
+        if node.parent is parent and node is not transition.node:
             if before is not None and behind is not None and before.node is behind.node:
                 break
-            splices = move_siblings(way.node, way.node, node, node, behind=not is_behind)
-            says = f"{way.whose}: the transition {transition_words(way.written.form)} is number {to + 1} now"
+            splices = move_siblings(transition.node, transition.node, node, node, behind=not is_behind)
+            says = (
+                f"{transition.whose}: the transition {transition_words(transition.written.form)} is number {to + 1} now"
+            )
             return Plan(splices, says=(says,))
     raise EditRefused("a transition cannot move past this place: a state tries its own transitions before shared ones")
 

@@ -31,7 +31,7 @@ from rise_engine.syntax.xml_repair import RepairedText
 from rise_engine.syntax.xml_writing import NewElement, set_text
 
 
-class Way(Struct, frozen=True):
+class StateTransition(Struct, frozen=True):
     """A transition of a state."""
 
     rule: WrittenRule
@@ -104,12 +104,12 @@ class FindingPlace(Struct, frozen=True):
         return next((each for each in self.study.outline.rules if self.is_in(each)), None)
 
     @property
-    def way(self) -> Way | None:
+    def transition(self) -> StateTransition | None:
         rule = self.rule
         for state in rule.states if rule is not None else ():
-            for index, way in enumerate(state.transitions):
-                if rule is not None and self.is_in(way) and not way.shared_by:
-                    return Way(rule, state, index)
+            for index, transition in enumerate(state.transitions):
+                if rule is not None and self.is_in(transition) and not transition.shared_by:
+                    return StateTransition(rule, state, index)
         return None
 
     def is_in(self, written: Written) -> bool:

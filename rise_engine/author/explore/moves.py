@@ -217,8 +217,8 @@ class Moves:
             yield _STOPPED
         elif situation.stop == "latched":
             yield _LEAVE
-            if situation.stood:
-                chosen = {rule[0]: "enter" for rule in situation.stood}
+            if situation.stopped_rules:
+                chosen = {rule[0]: "enter" for rule in situation.stopped_rules}
                 yield Possibility(Move("release", how="enter"), _submit("releaseStop", json.dumps(chosen)))
         elif bounds.stop and situation.faults_left:
             yield _STOP

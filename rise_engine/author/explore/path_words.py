@@ -198,7 +198,7 @@ def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move:
         case "release":
             function = "releaseStop"
             if move.how != "leave":
-                behavior = json.dumps({rule[0]: move.how for rule in before.stood}, ensure_ascii=False)
+                behavior = json.dumps({rule[0]: move.how for rule in before.stopped_rules}, ensure_ascii=False)
         case _:
             raise LookupError(move.kind)
     return Submit(function=function, behavior=behavior, source=SOURCE)

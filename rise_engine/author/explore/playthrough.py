@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from rise_engine.author.explore.moves import topics_from_outside
 from rise_engine.author.trial.trial import SOURCE, Trial
-from rise_engine.author.trial.trial_state import key_choices, standing_rules
+from rise_engine.author.trial.trial_state import key_choices, running_rules
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import ActionRecord, TaskRecord
 from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation
@@ -132,7 +132,7 @@ class _Player:
             is_by_hand = key.function == "startCommunicationRobotAct" and key.key not in self._pressed
             if choice.is_awaited or (is_by_hand and not trial.is_busy):
                 yield f"key {key.key}", lambda key=key: trial.press(key)  # type: ignore[misc]
-        topics = {way.event for rule in standing_rules(trial) for way in rule.ways}
+        topics = {transition.event for rule in running_rules(trial) for transition in rule.transitions}
         if CUE_TOPICS[0] in topics:
             yield "cue", trial.mark_cue
         for topic in sorted(topics & self._outside):

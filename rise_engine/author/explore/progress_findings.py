@@ -141,7 +141,7 @@ def tell_who_must_act(explored: Explored) -> list[str]:
             continue
         seconds = silence.of(number)
         if seconds is not None and seconds > longest:
-            longest, where = seconds, _standing(explored, number)
+            longest, where = seconds, _states_text(explored, number)
     told = []
     if waiting:
         told.append(f"{end} moves on from {some_states(waiting)} only when a person or another program acts.")
@@ -181,7 +181,7 @@ class _Silence:
         return longest
 
 
-def _standing(explored: Explored, number: Number) -> str:
+def _states_text(explored: Explored, number: Number) -> str:
     """Return the states of the rules, the highest first."""
     rules = reversed(explored.situations[number].rules)
     return ", ".join(f"{rule.name} in {rule.state}" for rule in rules)

@@ -21,7 +21,7 @@ from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.failures import first_task
 from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.rule_stack import RuleRun, append_to_lists, remove_from_lists
-from rise_engine.kernel.stop import StoodRule, StopStatus
+from rise_engine.kernel.stop import StoppedRule, StopStatus
 from rise_engine.scenario.model import SESSION, SESSION_STATES, Scenario
 
 ActPhase: TypeAlias = Phase | Literal["", "pausing", "without robot"]
@@ -93,7 +93,7 @@ class Situation(NamedTuple):
     robot_lost: bool
     cue_open: bool
     last_filler: str | None
-    stood: tuple[tuple[str, str, float, tuple[int, ...]], ...]
+    stopped_rules: tuple[tuple[str, str, float, tuple[int, ...]], ...]
     """The rules that a stop has ended: name, state, priority, latched."""
 
 
@@ -162,8 +162,9 @@ class SituationKernel:
         self._put_kept(situation.kept, timers)
         stop = kernel.stop
         stop.status, stop.timer = situation.stop, None
-        stop.stood = [
-            StoodRule(name, state, priority, [*latched], []) for name, state, priority, latched in situation.stood
+        stop.stopped_rules = [
+            StoppedRule(name, state, priority, [*latched], [])
+            for name, state, priority, latched in situation.stopped_rules
         ]
         self.runner.robot_lost = "lost" if situation.robot_lost else None
         core.open_cue_at = 0.0 if situation.cue_open else None
@@ -327,8 +328,8 @@ class SituationKernel:
             self.runner.robot_lost is not None,
             core.open_cue_at is not None,
             marks.last_filler if self._follows_fillers else None,
-            tuple([(rule.name, rule.state, rule.priority, tuple(rule.latched)) for rule in stop.stood])
-            if stop.stood
+            tuple([(rule.name, rule.state, rule.priority, tuple(rule.latched)) for rule in stop.stopped_rules])
+            if stop.stopped_rules
             else (),
         )
         return situation, tuple(runs), timers

@@ -172,9 +172,9 @@ class Explored:
 
     def state_of(self, rule: str, number: Number) -> str | None:
         """Return the state of a rule in a situation; None: it does not run."""
-        for standing in self.situations[number].rules:
-            if standing.name == rule:
-                return standing.state
+        for state in self.situations[number].rules:
+            if state.name == rule:
+                return state.state
         return None
 
     def facts(self, kind: str) -> Iterator[Fact]:

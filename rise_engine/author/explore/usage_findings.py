@@ -38,9 +38,14 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
             continue
         for_faults = []
         for state in rule.states.values():
-            ways = [way for each in rule.states.values() for way in each.transitions if way.target == state.id]
+            transitions = [
+                transition
+                for each in rule.states.values()
+                for transition in each.transitions
+                if transition.target == state.id
+            ]
             if (rule.name, state.id) not in entered:
-                if ways and all(_is_for_faults(way) for way in ways):
+                if transitions and all(_is_for_faults(transition) for transition in transitions):
                     for_faults.append(state.id)
                     continue
                 yield ExploreFinding(
@@ -165,7 +170,7 @@ def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[
     rules = [
         rule
         for rule in explored.scenario.rules.values()
-        if any(way.event == topic for state in rule.states.values() for way in state.transitions)
+        if any(transition.event == topic for state in rule.states.values() for transition in state.transitions)
     ]
     waiting = sum(explored.bits[rule.name] for rule in rules)
     space = explored.space

@@ -48,7 +48,7 @@ class ConditionReading(Struct, frozen=True):
     holds: bool
 
 
-class WayOut(Struct, frozen=True):
+class TransitionOption(Struct, frozen=True):
     """A transition of a rule's present state."""
 
     rule: str
@@ -71,7 +71,7 @@ class WayOut(Struct, frozen=True):
     """The topic, without slash, of an event that a person can raise."""
 
 
-class RuleStanding(Struct, frozen=True):
+class RunningRule(Struct, frozen=True):
     """A running rule."""
 
     name: str
@@ -82,7 +82,7 @@ class RuleStanding(Struct, frozen=True):
     transition: int | None
     """The index of that transition among those of `previous`."""
     since: float
-    ways: tuple[WayOut, ...]
+    transitions: tuple[TransitionOption, ...]
 
 
 class RunningAct(Struct, frozen=True):
@@ -125,20 +125,22 @@ class MemoryLine(Struct, frozen=True):
     """When it was set, in seconds; 0: at the start."""
 
 
-def standing_rules(trial: Trial) -> list[RuleStanding]:
+def running_rules(trial: Trial) -> list[RunningRule]:
     """List the running rules; the first one gets events first."""
     keys = StudyKeys(trial.scenario)
-    return [_standing(trial, keys, name, trial.view.rules[name]) for name in trial.view.running_rules()]
+    return [_running_rule(trial, keys, name, trial.view.rules[name]) for name in trial.view.running_rules()]
 
 
-def _standing(trial: Trial, keys: StudyKeys, name: str, view: RuleView) -> RuleStanding:
+def _running_rule(trial: Trial, keys: StudyKeys, name: str, view: RuleView) -> RunningRule:
     state = trial.scenario.rules[name].states[view.state or ""]
     memory = trial.memory
-    ways = tuple(_way_out(trial, keys, name, view, memory, index, each) for index, each in enumerate(state.transitions))
-    return RuleStanding(name, state.id, view.previous, view.trigger or "", view.transition, view.since, ways)
+    transitions = tuple(
+        _transition_option(trial, keys, name, view, memory, index, each) for index, each in enumerate(state.transitions)
+    )
+    return RunningRule(name, state.id, view.previous, view.trigger or "", view.transition, view.since, transitions)
 
 
-def _way_out(
+def _transition_option(
     trial: Trial,
     keys: StudyKeys,
     rule: str,
@@ -146,7 +148,7 @@ def _way_out(
     memory: Mapping[str, Any],
     index: int,
     transition: Transition,
-) -> WayOut:
+) -> TransitionOption:
     trigger: Trigger = (
         "event" if transition.event is not None
         else "ended" if transition.ended is not None
@@ -160,7 +162,7 @@ def _way_out(
         readings.append(read_condition("if", transition.condition, memory))
     topic = normal_topic(transition.event) if transition.event is not None else ""
     can_raise = topic and find_awaited_act(trial.scenario, transition) is None
-    return WayOut(
+    return TransitionOption(
         rule,
         index,
         trigger,
@@ -297,7 +299,7 @@ def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:
 def events_to_raise(trial: Trial) -> list[str]:
     """List the events, without slash, that running rules wait for and that no key of the study raises."""
     keys = StudyKeys(trial.scenario)
-    found = (way.event for rule in standing_rules(trial) for way in rule.ways if way.event)
+    found = (transition.event for rule in running_rules(trial) for transition in rule.transitions if transition.event)
     return [topic for topic in dict.fromkeys(found) if not keys.keys_raising(topic)]
 
 

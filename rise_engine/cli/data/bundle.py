@@ -47,7 +47,7 @@ def bundle(
             selection.folders,
             Path(output),
             options,
-            left_out=selection.left_out,
+            omitted=selection.omitted,
             remarks=[uncounted_text(each) for each in selection.uncounted.values()],
         )
     print_lines(
@@ -56,7 +56,7 @@ def bundle(
         "in it:",
         *_indent(report.contents),
         "left out:",
-        *_indent(report.left_out),
+        *_indent(report.omitted),
         "look at this before anybody else gets it:",
         *_indent([*selection.notes, *report.look_at]),
         "its fingerprint, for the paper (rise-engine reproduce prints it):",

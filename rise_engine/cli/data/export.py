@@ -25,7 +25,7 @@ from rise_engine.results.export.format import (
     HAS_WITHDRAWN,
     ExportError,
     ExportFormat,
-    LeftOut,
+    OmittedSession,
     format_names,
     load_format,
 )
@@ -71,7 +71,7 @@ class Selection(Struct):
     """The state of the study, if only a study was named."""
     several: bool = False
     """Whether a study, or more than one session, was named."""
-    left_out: list[LeftOut] = field(default_factory=list)
+    omitted: list[OmittedSession] = field(default_factory=list)
     """Sessions that are in no export."""
     uncounted: dict[Path, Counter[str]] = field(default_factory=dict)
     """The number of sessions of each study that are omitted because they are not data, by the reason in a word."""
@@ -84,12 +84,12 @@ class Selection(Struct):
     def remarks(self) -> list[str]:
         """Sentences on omitted sessions."""
         uncounted = [uncounted_text(counts, f" of {path}") for path, counts in self.uncounted.items()]
-        return [*(str(each) for each in self.left_out if not each.unread), *uncounted]
+        return [*(str(each) for each in self.omitted if not each.unread), *uncounted]
 
     @property
     def unread(self) -> list[str]:
         """Sentences on unreadable sessions, which are omitted."""
-        return [str(each) for each in self.left_out if each.unread]
+        return [str(each) for each in self.omitted if each.unread]
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
@@ -217,38 +217,40 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     if alone:
         selection.standing = state.standing
     copies = copied_sessions(path, state.log)
-    selection.left_out += [LeftOut(name, "it is a copy of another session", each) for name, each in copies.items()]
-    selection.left_out += [LeftOut(name, HAS_WITHDRAWN) for name in state.returned]
-    left_out: Counter[str] = Counter()
+    selection.omitted += [
+        OmittedSession(name, "it is a copy of another session", each) for name, each in copies.items()
+    ]
+    selection.omitted += [OmittedSession(name, HAS_WITHDRAWN) for name in state.returned]
+    omitted: Counter[str] = Counter()
     for session in state.sessions:
-        why = _why_left_out(session)
+        why = _why_omitted(session)
         if session.info is None:
             missing, unread = f"it {session.missing}", session.missing != MOVED_AWAY
-            selection.left_out.append(LeftOut(session.name, missing.partition(":")[0], missing, unread))
+            selection.omitted.append(OmittedSession(session.name, missing.partition(":")[0], missing, unread))
         elif why and not all:
-            left_out[why] += 1
+            omitted[why] += 1
         else:
             selection.folders.append(session.path)
             selection.notes += [f"{session.name} {session.without_end}"] if session.without_end else []
-    if left_out:
-        selection.uncounted[path] = left_out
+    if omitted:
+        selection.uncounted[path] = omitted
 
 
-def uncounted_text(left_out: Counter[str], of: str = "") -> str:
+def uncounted_text(omitted: Counter[str], of: str = "") -> str:
     """Return how many sessions are omitted because they are not data.
 
     >>> uncounted_text(Counter(pilot=2))
     '2 sessions are not in the export (2 pilot): --all includes them'
 
-    :param left_out: their number by the reason in a word.
+    :param omitted: their number by the reason in a word.
     :param of: the study, after a space and "of"; empty: none.
     """
-    counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
-    verb = "is" if left_out.total() == 1 else "are"
-    return f"{pluralize(left_out.total(), 'session')}{of} {verb} not in the export ({counts}): --all includes them"
+    counts = ", ".join(f"{count} {why}" for why, count in omitted.items())
+    verb = "is" if omitted.total() == 1 else "are"
+    return f"{pluralize(omitted.total(), 'session')}{of} {verb} not in the export ({counts}): --all includes them"
 
 
-def _why_left_out(session: StudySession) -> str:
+def _why_omitted(session: StudySession) -> str:
     """Return in a word why a session is not data of the study; empty: it is."""
     entry = session.entry
     if entry.purpose != "counted":

@@ -174,10 +174,10 @@ def _started_programs(files: Files) -> Iterator[str]:
 
 def _notes(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> list[object]:
     """List the problems, or else the remarks."""
-    in_the_way = [f"{name}: edit {each.edit + 1}: {each.why}" for each in refused] or checked.errors
+    problems = [f"{name}: edit {each.edit + 1}: {each.why}" for each in refused] or checked.errors
     if problem:
-        return [*in_the_way, f"error: {problem}"]
-    return [*in_the_way, "nothing was written"] if in_the_way else [*change.noticed]
+        return [*problems, f"error: {problem}"]
+    return [*problems, "nothing was written"] if problems else [*change.noticed]
 
 
 def _document(

@@ -84,7 +84,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> in
     else:
         _print(_report(scenario, exploration, options["show"], show_keys=options["show_keys"]))
     if options["write"] is not None:
-        _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
+        _write_paths(scenario, exploration, Path(options["write"]), folder or ".")
     return REFUSED if exploration.count("problem") else INTERRUPTED if interrupted else OK
 
 
@@ -143,14 +143,14 @@ def _study_report(
         for sentence in sentences:
             yield fill(sentence, _WIDTH, initial_indent="  ", subsequent_indent="  ")
 
-    def way_to(number: int) -> Iterator[str]:
+    def path_to(number: int) -> Iterator[str]:
         kind_number, at = merged[number].first
         _, scenario, exploration = explored[kind_number]
         if at < len(exploration.findings):
-            yield from _way_lines(scenario, exploration, exploration.findings[at])
+            yield from _path_lines(scenario, exploration, exploration.findings[at])
 
     listed = [(each.finding.level, f"{each.finding.text} {each.where}".rstrip(), each.finding.place) for each in merged]
-    yield from _finding_lines(listed, show, way_to)
+    yield from _finding_lines(listed, show, path_to)
     yield ""
     counts = {level: sum(each.finding.level == level for each in merged) for level in _MARKS}
     complete = all(exploration.is_complete for _, _, exploration in explored)
@@ -246,19 +246,19 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     yield from _finding_lines(
         [(each.level, each.text, str(each.location or "")) for each in exploration.findings],
         show,
-        lambda number: _way_lines(scenario, exploration, exploration.findings[number]),
+        lambda number: _path_lines(scenario, exploration, exploration.findings[number]),
     )
     if show_keys:
         yield ""
         yield from _key_lines(scenario, exploration)
     yield ""
     counts = {level: exploration.count(level) for level in _MARKS}
-    with_way = any(finding.path is not None for finding in exploration.findings)
-    yield _last_line(counts, complete=exploration.is_complete, can_show=with_way and show is None)
+    has_path = any(finding.path is not None for finding in exploration.findings)
+    yield _last_line(counts, complete=exploration.is_complete, can_show=has_path and show is None)
 
 
 def _finding_lines(
-    findings: Sequence[tuple[str, str, str]], show: str | None, way_to: Callable[[int], Iterator[str]]
+    findings: Sequence[tuple[str, str, str]], show: str | None, path_to: Callable[[int], Iterator[str]]
 ) -> Iterator[str]:
     """Yield findings (level, text and place), if requested with the path to each."""
     before = ""
@@ -269,10 +269,10 @@ def _finding_lines(
         head = f"{number:>3} {_MARKS[level]}: "
         yield fill(f"{head}{text}{where}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
         if show in ("all", str(number)):
-            yield from way_to(number - 1)
+            yield from path_to(number - 1)
 
 
-def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
+def _path_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
     """Yield the path to a finding, step by step."""
     if finding.path is not None:
         for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
@@ -303,7 +303,7 @@ def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
         yield f"{state:<{widest}}  {' '.join(cells)}".rstrip()
 
 
-def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, study: str) -> None:
+def _write_paths(scenario: Scenario, exploration: Exploration, folder: Path, study: str) -> None:
     """Write each finding's path as a task file in a new or empty folder. Ends the program if they cannot be written."""
     if folder.exists() and any(folder.iterdir()):
         exit_with_usage(f"{folder} is not empty; name a new folder")

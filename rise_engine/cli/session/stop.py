@@ -28,7 +28,7 @@ from rise_engine.run.protocol.registry import (
     session_name,
     socket_path,
 )
-from rise_engine.session.folder import has_ended, left_open, read_info, running_sessions
+from rise_engine.session.folder import has_ended, open_goals_at_end, read_info, running_sessions
 from rise_engine.session.lock import user_name
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_toml import is_study
@@ -66,7 +66,7 @@ def stop(which: str | None) -> int:
     if not has_ended(folder):
         raise Refused(f"{name} has ended, and its record has no end: look at the robot", status=NOT_WRITTEN)
     print_notes(f"{name} has ended")
-    warning = open_goals_warning(left_open(folder))
+    warning = open_goals_warning(open_goals_at_end(folder))
     print_notes(*filter(None, (warning, *_to_judge_lines(folder))))
     return STILL_RUNNING if warning else OK
 

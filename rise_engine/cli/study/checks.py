@@ -264,12 +264,12 @@ class _Gathering:
 
     def _miss(self, check: StudyCheck, line: str) -> bool:
         """Note a missing check; return whether it prevents the session."""
-        is_in_the_way = check.blocks and self._binding
-        if is_in_the_way:
+        blocks = check.blocks and self._binding
+        if blocks:
             self.missing.append(line)
         else:
             self._terminal.show(f"{'warning':8} {line}")
-        return is_in_the_way
+        return blocks
 
     def _show(self, check: StudyCheck, outcome: CheckOutcome) -> None:
         is_harmless = outcome.result == "failed" and not (check.blocks and self._binding)

@@ -88,14 +88,14 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
                 "errors": errors,
                 "warnings": warnings,
                 "findings": [diagnostic_row(diagnostic) for diagnostic in review.diagnostics],
-                "not_looked_at": list(review.left_out),
+                "not_looked_at": list(review.omitted),
                 **({"explored": exploration.row()} if exploration is not None else {}),
                 **({"sessions": [proof_row(each) for each in shown]} if sessions else {}),
             }
         )
         return OK if not errors and not problems and all(each.proved for each in shown) else REFUSED
     print_lines(*review.diagnostics)
-    for name in review.left_out:
+    for name in review.omitted:
         print_lines(f"{name} was not checked: {STUDY_FILE} describes it, and has errors")
     found = (
         f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}"

@@ -122,17 +122,17 @@ class CauseCollector:
 
     def origin_of(self, task: int) -> Origin:
         """Return the origin of a task. Call this after all records are added."""
-        way: list[int] = []
+        path: list[int] = []
         at = task
         while at not in self._origins:
-            way.append(at)
+            path.append(at)
             before = cause_of(self._tasks[at], self._tasks)
             if before is None:
                 self._origins[at] = self._begin(self._tasks[at])
-                way.pop()
+                path.pop()
                 break
             at = before.id
-        for each in reversed(way):
+        for each in reversed(path):
             self._origins[each] = self._extend(self._origins[self._cause_of(each)], self._tasks[each])
         return self._origins[task]
 

@@ -79,7 +79,7 @@ _LEVELS: dict[ExportLevel, str] = {
 }
 
 
-def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_out: Sequence[str], wheel: str) -> str:
+def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], omitted: Sequence[str], wheel: str) -> str:
     """Write README.md.
 
     :param wheel: the path of the program in the bundle; empty: it is not included.
@@ -103,7 +103,7 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
         "",
         "## What is not",
         "",
-        *(f"- {line}" for line in left_out),
+        *(f"- {line}" for line in omitted),
         "",
         "## Check it, run it again",
         "",

@@ -182,13 +182,13 @@ def _without_people(value: str, people: Mapping[str, str]) -> str:
 def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
     """Copy the scenarios in the study's folder. Returns their paths, and sentences about the omitted ones."""
     named = [study.scenario, *(level.scenario for factor in study.factors for level in factor.levels)]
-    copied, left_out = [], []
+    copied, omitted = [], []
     for name in dict.fromkeys(filter(None, named)):
         source = Path(scenario_folder(study, name))
         if not source.is_dir():
             continue
         if not source.is_relative_to(study.folder) or source == Path(study.folder):
-            left_out.append(f"the scenario in {name} lies outside of the study: each session has its own copy of it")
+            omitted.append(f"the scenario in {name} lies outside of the study: each session has its own copy of it")
             continue
         where = source.relative_to(study.folder)
         if (root / where).exists():
@@ -200,7 +200,7 @@ def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
                 make_private_folder(target.parent)
                 shutil.copyfile(path, target)
         copied.append(f"{where.as_posix()}/")
-    return copied, left_out
+    return copied, omitted
 
 
 # --- the program ------------------------------------------------------------------------------------------------------

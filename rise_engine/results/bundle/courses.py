@@ -158,7 +158,7 @@ def compare_courses(
             continue
         comparison.acts_differ.append(f"{_act_name(key)}, at {act.accepted_at:.1f} s: was not played before")
     for rule in sorted({*old_phases, *new_phases}):
-        difference = _way_difference(old_phases.get(rule, []), new_phases.get(rule, []))
+        difference = _phase_difference(old_phases.get(rule, []), new_phases.get(rule, []))
         if difference:
             comparison.rules_differ.append(f"{rule}: {difference}")
         else:
@@ -229,7 +229,7 @@ def _length(act: PlayedAct) -> float:
     return act.ended_at - act.started_at
 
 
-def _way_difference(before: list[Phase], after: list[Phase]) -> str:
+def _phase_difference(before: list[Phase], after: list[Phase]) -> str:
     """Return where a rule first enters a different state, as a sentence, or an empty text."""
     for number in range(max(len(before), len(after))):
         old = before[number] if number < len(before) else None

@@ -99,7 +99,7 @@ def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[st
         sessions = read_sessions(folders, level=options.level, private=options.private)
         load_format(name).write(target / name, sessions, context)
         said += [(name, each) for each in context.warnings]
-    made = make_study_report(root, options.level, options.private, left_out=about.rehearsals)
+    made = make_study_report(root, options.level, options.private, omitted=about.rehearsals)
     (target / REPORT).mkdir(0o700)
     (target / REPORT / "report.html").write_text(page_text(made.document), "utf-8")
     (target / REPORT / "sheet.md").write_text(made.sheet, "utf-8")

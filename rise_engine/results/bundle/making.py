@@ -55,7 +55,7 @@ from rise_engine.results.bundle.derived import (
     with_license,
     write_derived,
 )
-from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, LeftOut, load_format
+from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, OmittedSession, load_format
 from rise_engine.results.export.trial_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
@@ -81,7 +81,7 @@ class BundleReport(Struct):
     """The result of making a bundle, in lines for a person."""
 
     contents: list[str] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
+    omitted: list[str] = field(default_factory=list)
     look_at: list[str] = field(default_factory=list)
     """What a person should check before sharing it."""
     sessions: int = 0
@@ -96,7 +96,7 @@ def make_bundle(
     out: Path,
     options: BundleOptions,
     *,
-    left_out: Sequence[LeftOut] = (),
+    omitted: Sequence[OmittedSession] = (),
     remarks: Sequence[str] = (),
 ) -> BundleReport:
     """Make the bundle of a study.
@@ -105,24 +105,24 @@ def make_bundle(
     :param folders: its sessions, in the order of their starts.
     :param out: a new folder, or a new file whose name ends in `.zip`.
     :param options: the options of the bundle.
-    :param left_out: sessions of the study that are not in `folders`.
+    :param omitted: sessions of the study that are not in `folders`.
     :param remarks: sentences on other omitted sessions, without names and paths.
     :raises ExportError: it cannot be made. Nothing of it remains.
     """
     if state.interrupted or state.damaged:
         raise ExportError("no bundle was made", *state.interrupted, *state.damaged)
     if not folders:
-        raise ExportError("there is no session to put into a bundle", *map(str, left_out), *remarks)
+        raise ExportError("there is no session to put into a bundle", *map(str, omitted), *remarks)
     study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
     people = {study: state.pseudonyms}
     try:
         with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
             bundle = _Bundle(read_state(study), folders, options)  # read again: from now on, changes are detected
-            bundle.report.look_at += [*map(str, left_out), *export.problems]
+            bundle.report.look_at += [*map(str, omitted), *export.problems]
             here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
-            bundle.write(root, left_out, remarks)
+            bundle.write(root, omitted, remarks)
             if root != here:
                 write_zip(root, here)
     except (ExportError, SessionError) as error:
@@ -144,7 +144,7 @@ class _Bundle:
         self._sessions: list[CrateSession] = []
         self._names: dict[str, str] = {}
         """The name of each session in the bundle, by its folder's name."""
-        self._unread: list[LeftOut] = []
+        self._unread: list[OmittedSession] = []
         self._absent: dict[str, str] = {}
         """Why logged sessions are not in the bundle, by their names in its log."""
         self._versions: dict[str, set[str]] = {}
@@ -153,11 +153,11 @@ class _Bundle:
         self._review_list = ReviewList(state.study, options.level)
         self.report = BundleReport()
 
-    def write(self, root: Path, left_out: Sequence[LeftOut], remarks: Sequence[str]) -> None:
+    def write(self, root: Path, omitted: Sequence[OmittedSession], remarks: Sequence[str]) -> None:
         """Write everything; metadata and checksums come last. Raises SessionError, ExportError, OSError."""
         self._write_sessions(root / SESSIONS)
-        self._tell_left_out([*left_out, *self._unread])
-        self.report.left_out += remarks
+        self._list_omitted([*omitted, *self._unread])
+        self.report.omitted += remarks
         inputs = self._write_study(root)
         about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
         write_about(root, about)
@@ -167,7 +167,7 @@ class _Bundle:
         license = self._study.report.get("license", "")
         (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
         if why := write_program(root):
-            self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
+            self.report.omitted.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
         state = read_state(root)
         changed = check_inputs(root, state, sessions_in_order(root, state)).problems
@@ -179,7 +179,7 @@ class _Bundle:
         self.report.look_at += [f"{each}. rise-engine reproduce will report it too" for each in changed]
         self.report.look_at += self._review_list.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
-        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.omitted, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
         (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
         (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
@@ -193,21 +193,21 @@ class _Bundle:
         )
 
     def _note_unreadable(self, folder: Path, error: SessionError) -> None:
-        why = LeftOut(folder.name, "it cannot be read", f"it cannot be read: {error}", unread=True)
+        why = OmittedSession(folder.name, "it cannot be read", f"it cannot be read: {error}", unread=True)
         if why not in self._unread:
             self._unread.append(why)
             self.report.look_at.append(str(why))
 
-    def _tell_left_out(self, left_out: Sequence[LeftOut]) -> None:
+    def _list_omitted(self, omitted: Sequence[OmittedSession]) -> None:
         """List the omitted sessions for others, with their names at the level. Withdrawn participants are not named."""
-        gone = [each for each in left_out if each.why == HAS_WITHDRAWN]
+        gone = [each for each in omitted if each.why == HAS_WITHDRAWN]
         if gone:
-            self.report.left_out.append(f"{pluralize(len(gone), 'session')}, because the participant has withdrawn")
+            self.report.omitted.append(f"{pluralize(len(gone), 'session')}, because the participant has withdrawn")
         known = {each.name for each in self._state.sessions}
-        for each in left_out:
+        for each in omitted:
             if each not in gone:
                 name = f"session {told_name(each.name, self._names, self._level)}"
-                self.report.left_out.append(f"{name if each.name in known else 'a folder'}, because {each.why}")
+                self.report.omitted.append(f"{name if each.name in known else 'a folder'}, because {each.why}")
 
     def _write_sessions(self, target: Path) -> None:
         target.mkdir(0o700)
@@ -223,20 +223,20 @@ class _Bundle:
                 self.report.sessions += 1
             except SessionError as error:
                 why = str(error).replace(str(data.folder), name)
-                self.report.left_out.append(
+                self.report.omitted.append(
                     f"session {name} itself, because {why}. Its exports at this level are in {UNPROVED}/"
                 )
                 where = ""
                 self._absent[name] = f"it could not be shared; its exports at this level are in {UNPROVED}/"
             self._sessions.append(CrateSession(data.facts, where))
             if self._level != "full" and (shadows := len(shadow_files(data.folder))):
-                self.report.left_out.append(
+                self.report.omitted.append(
                     f"{pluralize(shadows, 'shadow')} of {name}: they hold what second wizards typed, so only level "
                     "full includes them; rise-engine agree shows what they decided"
                 )
             if self._level == "full" and data.media:
                 recordings = pluralize(len(data.media), "recording")
-                self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
+                self.report.omitted.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
         if not self._sessions:
             raise ExportError("no session could be read", *map(str, self._unread))
 
@@ -269,18 +269,18 @@ class _Bundle:
         self._review_list.add_people(people)
         others = len(self._state.participants) - len(people)
         if others:
-            self.report.left_out.append(
+            self.report.omitted.append(
                 f"{pluralize(others, 'participant')} of {PARTICIPANTS_FILE} who {'has' if others == 1 else 'have'} no "
                 "session in it"
             )
-        self.report.left_out.append(f"the comments in {PARTICIPANTS_FILE}")
+        self.report.omitted.append(f"the comments in {PARTICIPANTS_FILE}")
         inputs = [STUDY_FILE]
         standing = self._state.standing
         if standing.complete >= standing.wanted and (folder / PLAN_FILE).is_file():
             shutil.copyfile(folder / PLAN_FILE, root / PLAN_FILE)
             inputs.append(PLAN_FILE)
         elif (folder / PLAN_FILE).is_file():
-            self.report.left_out.append(
+            self.report.omitted.append(
                 f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
             )
         warnings: list[str] = []
@@ -289,20 +289,20 @@ class _Bundle:
             make_private_folder(file.parent)
             write_private_file(file, answers_text(answers).encode())
             inputs.append(answers.settings.file)
-            self.report.left_out += answers.left_out
+            self.report.omitted += answers.omitted
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
         for each in self._state.sessions:
             if each.name not in names and (self._level == "full" or each.entry.purpose == "counted"):
                 self._absent[told_name(each.name, names, self._level)] = "it was left out when the bundle was made"
-        copied, left_out = copy_scenarios(study, root)
-        self.report.left_out += left_out
+        copied, omitted = copy_scenarios(study, root)
+        self.report.omitted += omitted
         return [*inputs, *copied]
 
     def _rehearsals(self) -> dict[str, int]:
         """Count the omitted rehearsals by their purpose."""
-        left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
-        return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
+        omitted = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
+        return dict(Counter(purpose for purpose in omitted if purpose != "counted"))
 
     # --- exports ---
 

@@ -42,7 +42,7 @@ class ExportContext(Struct):
     """Sentences for the person who exports; formats append to it."""
 
 
-class LeftOut(Struct, frozen=True):
+class OmittedSession(Struct, frozen=True):
     """A session's folder that is omitted from an export or a bundle."""
 
     name: str

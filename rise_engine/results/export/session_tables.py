@@ -334,7 +334,7 @@ def _level_text(level: Level) -> str:
 
 # --- rows of withdrawn participants -----------------------------------------------------------------------------------
 
-_LEFT_OUT = frozenset(
+_OMITTED = frozenset(
     {
         *("session", "participant", "study", "study_hash", "slot", "attempt", "outcome_reason", "title", "seed"),
         *("started", "program", "speed", "scenario_hash", "scenario_changed_to", "purpose", "unreadable", "run_as"),
@@ -370,6 +370,6 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
         columns = [*FACTS, *(factor_column(name, loaded) for name in data.facts.factors), *SESSIONS.columns]
         (row,) = SESSIONS.rows(data)
         rows.append(
-            {KEPT_ID: fresh, **{each.name: cell(each.of(row)) for each in columns if each.name not in _LEFT_OUT}}
+            {KEPT_ID: fresh, **{each.name: cell(each.of(row)) for each in columns if each.name not in _OMITTED}}
         )
     return rows

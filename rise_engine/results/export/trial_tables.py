@@ -49,7 +49,7 @@ class ToldAnswers(Struct, frozen=True):
     """One column for each item."""
     rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
     """Each row with its sessions: that of its run, or one of each run of the participant."""
-    left_out: tuple[str, ...] = ()
+    omitted: tuple[str, ...] = ()
     """Sentences on omitted rows."""
 
     @property
@@ -82,12 +82,12 @@ def told_answers(
     found = []
     for settings in study.questionnaires:
         read = load_questionnaire(study, settings, people)
-        left_out = _report(read, warnings)
+        omitted = _report(read, warnings)
         if read.items:
             told = _told(read, level, known, warnings)
-            left_out += told.left_out
-            found.append(replace(told, left_out=tuple(left_out)))
-        warnings += left_out
+            omitted += told.omitted
+            found.append(replace(told, omitted=tuple(omitted)))
+        warnings += omitted
     return found
 
 
@@ -100,10 +100,10 @@ def _report(read: Questionnaire, warnings: list[str]) -> list[str]:
         warnings.append(f"the questionnaire {name} is not in it: there is no file {read.settings.file} yet")
     lines = [each.location.line for each in read.errors]
     why = "participants.csv does not have the participant; `rise-engine study check` says more"
-    return _left_out(read.settings, lines, why)
+    return _omission_notes(read.settings, lines, why)
 
 
-def _left_out(settings: QuestionnaireSettings, lines: Sequence[int], why: str) -> list[str]:
+def _omission_notes(settings: QuestionnaireSettings, lines: Sequence[int], why: str) -> list[str]:
     return [f"{settings.file}, line {name_some(lines)}: left out, because {why}"] if lines else []
 
 
@@ -136,8 +136,8 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
         )
         for item in read.items
     )
-    left_out = _left_out(settings, nowhere, "there is no session of this participant and run in it")
-    return ToldAnswers(settings, columns, tuple(rows), tuple(left_out))
+    omitted = _omission_notes(settings, nowhere, "there is no session of this participant and run in it")
+    return ToldAnswers(settings, columns, tuple(rows), tuple(omitted))
 
 
 def _of_run(sessions: list[SessionFacts]) -> SessionFacts:

@@ -74,7 +74,7 @@ def lanes_of(data: SessionData) -> list[Lane]:
     return [lane for lane in lanes if lane.spans or lane.marks]
 
 
-def left_out_rules(phases: Iterable[Phase]) -> list[str]:
+def omitted_rules(phases: Iterable[Phase]) -> list[str]:
     """Return the rules without a lane because there are too many."""
     return _rules_by_size(phases)[MAX_RULES:]
 
@@ -179,8 +179,8 @@ def course_figure(data: SessionData) -> Figure | None:
     lanes = lanes_of(data)
     if not lanes or data.facts.duration <= 0:
         return None
-    left_out = left_out_rules(data.phases)
-    more = f" Rules without a lane: {', '.join(left_out)}." if left_out else ""
+    omitted = omitted_rules(data.phases)
+    more = f" Rules without a lane: {', '.join(omitted)}." if omitted else ""
     return Figure(
         caption="A cue lasts until its answer. An act lasts from its turn to its end. An action of the robot begins "
         f"when the robot confirms it. Point at something to read what it is.{more}",

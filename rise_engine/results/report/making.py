@@ -65,7 +65,7 @@ def make_study_report(
     private: Iterable[str] = (),
     *,
     conditions: bool = False,
-    left_out: Mapping[str, int] | None = None,
+    omitted: Mapping[str, int] | None = None,
 ) -> MadeReport:
     """Make the report of a study over all its sessions. It counts the complete ones and lists the others.
 
@@ -73,7 +73,7 @@ def make_study_report(
     :param level: the export level.
     :param private: private memory keys in addition to the scenario's.
     :param conditions: show conditions even if the study hides them and is not complete.
-    :param left_out: for a bundle: the number of omitted rehearsals, by their purpose.
+    :param omitted: for a bundle: the number of omitted rehearsals, by their purpose.
     :raises rise_engine.base.errors.FileError: the study's files have errors.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
@@ -101,7 +101,7 @@ def make_study_report(
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
         withdrawn=withdrawn_of(state.log),
         problems=(*problems, *(f"{each.name} {each.without_end}" for each in _kept(state) if each.without_end)),
-        left_out=dict(left_out or {}),
+        omitted=dict(omitted or {}),
     )
     sheet = sheet_markdown(state.study, given.sheet)
     return MadeReport(study_report(given), tuple(folders), tuple(problems), sheet)

@@ -192,7 +192,7 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
     """
     acts = list(acts)
     found = answers(acts)
-    left_out = [act for act in acts if act.answer_s is None and not act.filler and act.response_s is not None]
+    omitted = [act for act in acts if act.answer_s is None and not act.filler and act.response_s is not None]
     marked = [cue for cue in cues if cue.undone_at is None]
     waits = [(cue, cue.answer_s) for cue in marked]
     parts = (
@@ -217,9 +217,9 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
         ),
         without_filler=_part("without", "cue to answer", [wait for cue, wait in waits if cue.filled_at is None]),
         in_bands=tuple(counts.count(at) for at in range(len(BANDS))),
-        before_cue=sum(act.before_cue for act in left_out),
+        before_cue=sum(act.before_cue for act in omitted),
         interrupted=dict(
-            Counter(act.response_interrupted for act in left_out if act.response_interrupted and not act.before_cue)
+            Counter(act.response_interrupted for act in omitted if act.response_interrupted and not act.before_cue)
         ),
     )
 

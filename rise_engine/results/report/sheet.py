@@ -25,7 +25,7 @@ from rise_engine.results.report.document import (
     source_name,
 )
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
-from rise_engine.results.report.trials_section import left_out_answers
+from rise_engine.results.report.trials_section import omitted_answers
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.traces import Withdrawn
@@ -63,7 +63,7 @@ def reporting_sheet(
     standing: StudyStanding,
     figures: StudyFigures,
     withdrawn: Withdrawn = NOBODY,
-    left_out: Mapping[str, int] | None = None,
+    omitted: Mapping[str, int] | None = None,
 ) -> list[SheetItem]:
     """Make the whole sheet.
 
@@ -71,9 +71,9 @@ def reporting_sheet(
     :param standing: its progress.
     :param figures: the figures of its sessions.
     :param withdrawn: the number of withdrawn participants.
-    :param left_out: the number of rehearsals missing in these figures, by their purpose.
+    :param omitted: the number of rehearsals missing in these figures, by their purpose.
     """
-    wizards, left_out = figures.wizards(), left_out or {}
+    wizards, omitted = figures.wizards(), omitted or {}
 
     def item(part: str, title: str, known: Iterable[str] = (), *asked: str) -> SheetItem:
         return SheetItem(
@@ -98,11 +98,11 @@ def reporting_sheet(
         item("Wizard", "What they could do", _production(figures), "wizard_rules"),
         item("Wizard", "What they perceived", (), "wizard_perceived"),
         item("Wizard", "Their errors", _errors(figures), "wizard_errors"),
-        item("Wizard", "Their training", _training(wizards, left_out), "wizard_training"),
+        item("Wizard", "Their training", _training(wizards, omitted), "wizard_training"),
         item("General", "Where", (), "place"),
         item("General", "The environment and its control", [*_checks(study, figures), *_speed(figures)], "environment"),
         item("General", "The scenario", _scenario(figures), "story"),
-        item("General", "Whether it was made in several steps", _steps(study, figures, left_out), "iterations"),
+        item("General", "Whether it was made in several steps", _steps(study, figures, omitted), "iterations"),
         item("General", "What the wizard means for the conclusions", (), "limits"),
     ]
 
@@ -130,13 +130,13 @@ def debriefed_text(share: Share) -> str:
     return f"A debriefing is recorded after {share_text(share.count, share.n)} complete sessions."
 
 
-def left_out_text(left_out: Mapping[str, int]) -> str:
+def omitted_text(omitted: Mapping[str, int]) -> str:
     """Return the numbers of omitted rehearsals.
 
-    >>> left_out_text({"pilot": 2, "training": 1})
+    >>> omitted_text({"pilot": 2, "training": 1})
     '2 pilot sessions, 1 training session'
     """
-    return ", ".join(pluralize(count, f"{purpose} session") for purpose, count in left_out.items())
+    return ", ".join(pluralize(count, f"{purpose} session") for purpose, count in omitted.items())
 
 
 def still_to_say(sheet: Iterable[SheetItem]) -> list[str]:
@@ -272,8 +272,8 @@ def _production(figures: StudyFigures) -> list[str]:
             f"Participants waited {number_text(summary.median)} s for an answer (median of {summary.n}; middle half "
             f"{number_text(summary.lower)} to {number_text(summary.upper)} s)."
         )
-    if left_out := left_out_answers(figures.latency):
-        known.append(left_out)
+    if omitted := omitted_answers(figures.latency):
+        known.append(omitted)
     return known
 
 
@@ -291,15 +291,15 @@ def _errors(figures: StudyFigures) -> list[str]:
     ]
 
 
-def _training(wizards: Iterable[WizardCourse], left_out: Mapping[str, int]) -> list[str]:
+def _training(wizards: Iterable[WizardCourse], omitted: Mapping[str, int]) -> list[str]:
     known = []
-    if left_out:
-        known.append(f"Not in this bundle, so not counted here: {left_out_text(left_out)}.")
+    if omitted:
+        known.append(f"Not in this bundle, so not counted here: {omitted_text(omitted)}.")
     for each in wizards:
         rows = each.rehearsals
         name = source_name(each.wizard)
         if not rows:
-            if not left_out:
+            if not omitted:
                 known.append(f"{name}: no session on record before the first that counted.")
             continue
         seconds = sum(row.facts.duration for row in rows)
@@ -348,8 +348,8 @@ def _speed(figures: StudyFigures) -> list[str]:
     return [f"Speed of session time, in which all durations are: {told}."] if told else []
 
 
-def _steps(study: Study, figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:
-    pilots = sum(row.facts.purpose == "pilot" for row in figures.rows) + left_out.get("pilot", 0)
+def _steps(study: Study, figures: StudyFigures, omitted: Mapping[str, int]) -> list[str]:
+    pilots = sum(row.facts.purpose == "pilot" for row in figures.rows) + omitted.get("pilot", 0)
     versions = figures.scenario_versions(study)
     if not versions:
         return []

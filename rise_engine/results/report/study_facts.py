@@ -53,7 +53,7 @@ class SessionRow(Struct, frozen=True):
     """The dependent variable of its trials. Empty: its scenario does not define trials."""
     trials: tuple[float | None, ...] = ()
     """Its value in each trial."""
-    left_out: tuple[tuple[int, NoNumber], ...] = ()
+    omitted: tuple[tuple[int, NoNumber], ...] = ()
     """The numbers of trials without a value, with the reason."""
 
     @property
@@ -239,7 +239,7 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
         problems=data.problems,
         measure=settings.measure if settings is not None else "",
         trials=tuple(trial.number(settings.measure) for trial in trials) if settings is not None else (),
-        left_out=tuple(
+        omitted=tuple(
             (number, why)
             for number, trial in enumerate(trials, 1)
             if settings is not None and (why := trial.why_no_number(settings.measure)) is not None

@@ -36,7 +36,7 @@ from rise_engine.results.report.sheet import (
     SheetItem,
     begun_text,
     debriefed_text,
-    left_out_text,
+    omitted_text,
     question_of,
     reporting_sheet,
     speed_text,
@@ -73,7 +73,7 @@ class StudyReportInput(Struct, frozen=True):
     withdrawn: Withdrawn = Withdrawn()
     problems: tuple[str, ...] = ()
     """Sentences about unreadable parts."""
-    left_out: dict[str, int] = {}
+    omitted: dict[str, int] = {}
     """For a bundle's report: the number of omitted rehearsals, by their purpose."""
 
     @property
@@ -86,9 +86,9 @@ class StudyReportInput(Struct, frozen=True):
     @property
     def sheet(self) -> list[SheetItem]:
         if self.shows_conditions:
-            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.left_out)
+            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.omitted)
         without_cells = replace(self.standing, cells=())
-        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn, self.left_out)
+        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn, self.omitted)
 
 
 def study_report(given: StudyReportInput) -> Document:
@@ -189,8 +189,8 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         told = f"Sessions that count ran in mode {' and '.join(modes)}. study.toml now says {study.mode}."
         yield Paragraph(told, "warning")
     yield Facts(tuple(_flow(standing, given.withdrawn)))
-    if given.left_out:
-        yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
+    if given.omitted:
+        yield Paragraph(f"Not in this bundle: {omitted_text(given.omitted)}.", "note")
     if out := tuple(_out(standing, given.level)):
         yield ReportTable(
             caption="Excluded participants, and sessions that were aborted, judged again or reassigned, with reasons",
@@ -355,7 +355,7 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
         caption="Wizards in complete sessions. Cue to key is in seconds. Per 100: mistakes marked per 100 keys, with "
         "the 95\u00a0% interval. Rehearsals: their sessions before the first one that counted",
         head=("wizard", "sessions", "keys", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
-        rows=tuple(_wizard_row(course, "left out" if given.left_out else "none") for course in courses),
+        rows=tuple(_wizard_row(course, "left out" if given.omitted else "none") for course in courses),
         numbers=frozenset({1, 2, 3, 4}),
     )
 

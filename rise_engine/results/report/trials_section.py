@@ -29,7 +29,7 @@ UNDECLARED = (
     'begins one: state = "Ask". In sessions from then on, the dependent variable is shown here by condition, and '
     "trials.csv has a row for each trial."
 )
-_LEFT_OUT: dict[NoNumber, str] = {
+_REASONS: dict[NoNumber, str] = {
     "outage": "because the engine was away",
     "standstill": "because the engine stood still",
     "stop": "because everything was stopped",
@@ -57,7 +57,7 @@ class TrialRow(Struct, frozen=True):
     trials: int
     """All trials, also those without a value."""
     people: int
-    left_out: tuple[tuple[str, NoNumber], ...] = ()
+    omitted: tuple[tuple[str, NoNumber], ...] = ()
     """Trials without a value, with the reason."""
 
     @property
@@ -91,8 +91,8 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
             if trials := sum(len(row.trials) for row in theirs):
                 people = len({row.facts.participant for row in theirs})
                 values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
-                left_out = tuple((trial_name(row, number), why) for row in theirs for number, why in row.left_out)
-                found.append(TrialRow(name, measure, values, hovers, trials, people, left_out))
+                omitted = tuple((trial_name(row, number), why) for row in theirs for number, why in row.omitted)
+                found.append(TrialRow(name, measure, values, hovers, trials, people, omitted))
     return found
 
 
@@ -151,10 +151,10 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
                 f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}" if summary is not None else "",
             )
         )
-    left_out = [each for row in rows for each in row.left_out]
+    omitted = [each for row in rows for each in row.omitted]
     notes = ""
-    for why, words in _LEFT_OUT.items():
-        if names := "; ".join(name for name, reason in left_out if reason == why):
+    for why, words in _REASONS.items():
+        if names := "; ".join(name for name, reason in omitted if reason == why):
             notes += f" Not measured {words.format(measure=measure)}: {names}."
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
@@ -255,7 +255,7 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Se
 
 def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
-        if not left_out_answers(facts):
+        if not omitted_answers(facts):
             yield Paragraph("No act answered a cue, so we cannot tell how long the participant waited.")
     else:
         yield latency_figure(facts)
@@ -274,8 +274,8 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
                 rows=tuple(_row(LatencyPart(source_name(each.name), "", each.values)) for each in by_source),
                 numbers=_NUMBERS,
             )
-    if left_out := left_out_answers(facts):
-        yield Paragraph(left_out, "note")
+    if omitted := omitted_answers(facts):
+        yield Paragraph(omitted, "note")
     if facts.to_filler.values:
         yield ReportTable(
             caption="Fillers: from the cue to the first filler, and to the answer of cues with and without a filler",
@@ -294,7 +294,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
         )
 
 
-def left_out_answers(facts: LatencyFacts) -> str:
+def omitted_answers(facts: LatencyFacts) -> str:
     """Return how many answers these numbers omit, as a sentence. Empty: none."""
     counts = (
         (facts.before_cue, "requested before the cue"),

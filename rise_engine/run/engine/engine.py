@@ -231,7 +231,7 @@ class Engine:
         """
         if self._last_record_made or self._end_reason is not None:
             return
-        if self._must_stop_first or self._kernel.rules.standing() or self._commands.has_timers:
+        if self._must_stop_first or self._kernel.rules.rule_states() or self._commands.has_timers:
             self.accept(Submit(function="stopAll", source="engine"))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:

@@ -244,10 +244,14 @@ def _unanswered_ends(rule: Rule) -> Iterator[tuple[str, SourceLocation]]:
     """The acts for whose end a state waits, whatever the outcome, without a transition for their failure."""
     started = _started_acts(rule)
     for state in rule.states.values():
-        for way in state.transitions:
-            act = way.event.removesuffix(END) if way.event is not None and way.event.endswith(END) else ""
+        for transition in state.transitions:
+            act = (
+                transition.event.removesuffix(END)
+                if transition.event is not None and transition.event.endswith(END)
+                else ""
+            )
             if act in started and not _takes_failure(state, act):
-                yield act, way.location
+                yield act, transition.location
 
 
 def _started_acts(rule: Rule) -> set[str]:
@@ -255,7 +259,9 @@ def _started_acts(rule: Rule) -> set[str]:
 
 
 def _takes_failure(state: State, act: str) -> bool:
-    return any(way.ended == act and "failed" in (way.outcomes or ("failed",)) for way in state.transitions)
+    return any(
+        transition.ended == act and "failed" in (transition.outcomes or ("failed",)) for transition in state.transitions
+    )
 
 
 def _can_fail(act: Act, robot: RobotProfile) -> bool:

@@ -176,17 +176,17 @@ def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | 
 
     Omits files that have changed since the save was killed. Raises OSError.
     """
-    left: dict[str, bytes | None] = {}
+    remaining: dict[str, bytes | None] = {}
     for file in note:
         if file.after == file.before or sum_on_disk(folder / file.name) != file.before:
             continue
         if file.after is None:
-            left[file.name] = None
+            remaining[file.name] = None
             continue
         fresh = fresh_path(Path(os.path.realpath(folder / file.name)))
         if os.path.lexists(fresh) and sum_of(data := fresh.read_bytes()) == file.after:
-            left[file.name] = data
-    return left
+            remaining[file.name] = data
+    return remaining
 
 
 def contents_of_interrupted_save(folder: Path) -> dict[str, bytes | None]:

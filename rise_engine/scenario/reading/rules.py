@@ -227,7 +227,8 @@ class _RuleReader(BlockReader):
                     self.report_value("duplicate-state", element, "in", f"the state `{name}` is given twice here")
                 else:
                     states[name] = replace(
-                        states[name], transitions=(*states[name].transitions, *(way for way, _ in transitions))
+                        states[name],
+                        transitions=(*states[name].transitions, *(transition for transition, _ in transitions)),
                     )
                     for transition, child in transitions:
                         self.note_short(name, transition, child)
@@ -310,10 +311,10 @@ class _RuleReader(BlockReader):
         }
         told: set[SourceLocation] = set()
         for state in states.values():
-            for way in state.transitions:
-                if way.ended is not None and way.ended not in started and way.location not in told:
-                    told.add(way.location)
-                    self.draft.foreign_ends.append(ForeignEnd(way.ended, way.location))
+            for transition in state.transitions:
+                if transition.ended is not None and transition.ended not in started and transition.location not in told:
+                    told.add(transition.location)
+                    self.draft.foreign_ends.append(ForeignEnd(transition.ended, transition.location))
 
     def check_order(self, state: State) -> None:
         """Warn of a transition that is never taken, because an earlier one has the same trigger and no condition."""

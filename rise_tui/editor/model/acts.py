@@ -40,12 +40,12 @@ def action_times(act: WrittenAct, checked: LoadResult) -> dict[str, ActionTime]:
     seconds = _action_seconds(act, checked)
     times: dict[str, ActionTime] = {}
 
-    def end_of(id: str, on_way: frozenset[str]) -> float:
+    def end_of(id: str, on_path: frozenset[str]) -> float:
         if id in times:
             return times[id].end
-        if id in on_way or id not in waits:
+        if id in on_path or id not in waits:
             return 0.0
-        begin = max((end_of(before, on_way | {id}) for before in waits[id]), default=0.0)
+        begin = max((end_of(before, on_path | {id}) for before in waits[id]), default=0.0)
         times[id] = ActionTime(begin, begin + seconds[id])
         return times[id].end
 

@@ -70,8 +70,8 @@ def key_choices(draft: StudyDraft) -> list[FieldChoice]:
     found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
     found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", pluralize(len(rule.states), "state"))
               for rule in outline.rules]  # fmt: skip
-    waits = {way.form.event.lstrip("/") for rule in outline.rules for state in rule.states
-             for way in state.transitions if way.form.event}  # fmt: skip
+    waits = {transition.form.event.lstrip("/") for rule in outline.rules for state in rule.states
+             for transition in state.transitions if transition.form.event}  # fmt: skip
     ends = {f"{name}_end" for name in (*(act.name for act in outline.acts), *(rule.name for rule in outline.rules))}
     found += [
         FieldChoice(f"event /{event}", f"event /{event}", "a rule waits for it") for event in sorted(waits - ends)

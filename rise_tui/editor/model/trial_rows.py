@@ -9,13 +9,13 @@ from rise_engine.author.trial.trial_history import HappenedKind, HappenedLine
 from rise_engine.author.trial.trial_state import (
     ConditionReading,
     KeyChoice,
-    RuleStanding,
-    WayOut,
+    RunningRule,
+    TransitionOption,
     events_to_raise,
     key_choices,
     memory_that_counts,
     running_acts,
-    standing_rules,
+    running_rules,
 )
 from rise_engine.kernel.record_words import trigger_text
 from rise_engine.scenario.model import KeyBinding, Scenario
@@ -39,9 +39,9 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes:02}:{whole % 60:02}"
 
 
-def standing_of(trial: Trial, rule: str) -> RuleStanding | None:
+def find_running_rule(trial: Trial, rule: str) -> RunningRule | None:
     """The state of the rule or, if it does not run, of the rule that gets events first."""
-    running = standing_rules(trial)
+    running = running_rules(trial)
     return next((each for each in running if each.name == rule), running[0] if running else None)
 
 
@@ -49,26 +49,26 @@ def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledL
     """The title, the virtual time, and the state of the rule."""
     time: StyledLine = (("virtual time ", "muted"), (f"{clock_text(trial.now)} ", "strong"))
     first = align_at_both_ends(((" TRY IT", "accent"), ("   no robot, no record", "muted")), time, width)
-    standing = standing_of(trial, rule)
-    if standing is None:
+    running = find_running_rule(trial, rule)
+    if running is None:
         return first, crop(((f" {rule}", "strong"), ("  does not run", "muted")), width)
-    came = f"   from {standing.previous}" if standing.previous else ""
-    where: StyledLine = ((f" {standing.name}", "strong"), ("  in ", "muted"), (standing.state, "accent"))
-    return first, crop((*where, (f"{came}{trigger_text(standing.trigger)}", "muted")), width)
+    came = f"   from {running.previous}" if running.previous else ""
+    where: StyledLine = ((f" {running.name}", "strong"), ("  in ", "muted"), (running.state, "accent"))
+    return first, crop((*where, (f"{came}{trigger_text(running.trigger)}", "muted")), width)
 
 
 def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
     """The rows for Enter, with the information that the author needs, in at most `width` cells."""
-    standing = standing_of(trial, rule)
+    running = find_running_rule(trial, rule)
     rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
     rows += _running_rows(trial, width)
-    if standing is not None:
-        rows.append(_heading("TRANSITIONS" if standing.ways else "TRANSITIONS   none: the rule ends here"))
-        for way in standing.ways:
-            rows += _way_rows(way, width)
+    if running is not None:
+        rows.append(_heading("TRANSITIONS" if running.transitions else "TRANSITIONS   none: the rule ends here"))
+        for transition in running.transitions:
+            rows += _transition_rows(transition, width)
     keys = key_choices(trial)
     rows += _rows_to_do(trial, [key for key in keys if key.is_awaited], width)
-    name = standing.name if standing is not None else rule
+    name = running.name if running is not None else rule
     if name in trial.scenario.rules:
         rows += _memory_rows(trial, name, width)
     if others := [key for key in keys if not key.is_awaited]:
@@ -80,9 +80,9 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
 def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
     """The past events, the newest last. A long line takes several rows."""
     rows = []
-    left_out = len(lines) - MAX_LINES
-    if left_out > 0:
-        rows.append(_heading(f"{left_out} earlier lines"))
+    omitted = len(lines) - MAX_LINES
+    if omitted > 0:
+        rows.append(_heading(f"{omitted} earlier lines"))
     before = None
     for number, line in enumerate(lines[-MAX_LINES:]):
         time = clock_text(line.t)
@@ -142,19 +142,19 @@ def _running_rows(trial: Trial, width: int) -> Iterator[ListRow]:
         yield ListRow("", crop(((f"   {act.act}  {how_far}", "plain"), (says, "muted")), width), selectable=False)
 
 
-def _way_rows(way: WayOut, width: int) -> Iterator[ListRow]:
-    target = f" → {way.target}" if way.target is not None else "   stays here"
-    doing = ", ".join(f"key {key.label}" for key in way.keys) or way.now
-    left: StyledLine = ((f"   {way.index + 1} {way.label}", "plain"), (target, "muted"))
-    id = f"way:{way.index}:{way.rule}"
-    yield ListRow(id, align_at_both_ends(left, ((f"{doing} ", "key" if way.keys else "muted"),), width))
-    for reading in way.readings:
-        yield ListRow("", crop((("      ", "plain"), *_reading_spans(way, reading)), width), selectable=False)
+def _transition_rows(transition: TransitionOption, width: int) -> Iterator[ListRow]:
+    target = f" → {transition.target}" if transition.target is not None else "   stays here"
+    doing = ", ".join(f"key {key.label}" for key in transition.keys) or transition.now
+    left: StyledLine = ((f"   {transition.index + 1} {transition.label}", "plain"), (target, "muted"))
+    id = f"way:{transition.index}:{transition.rule}"
+    yield ListRow(id, align_at_both_ends(left, ((f"{doing} ", "key" if transition.keys else "muted"),), width))
+    for reading in transition.readings:
+        yield ListRow("", crop((("      ", "plain"), *_reading_spans(transition, reading)), width), selectable=False)
 
 
-def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
+def _reading_spans(transition: TransitionOption, reading: ConditionReading) -> list[StyledSpan]:
     """A condition in its parts: `if step < 4 (step is 0) true and not understood (…) true → true`."""
-    word = "while " if reading.word == "while" else "now " if way.trigger == "condition" else "but only if "
+    word = "while " if reading.word == "while" else "now " if transition.trigger == "condition" else "but only if "
     spans: list[StyledSpan] = [(word, "muted")]
     for number, part in enumerate(reading.parts):
         if number:

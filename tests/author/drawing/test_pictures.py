@@ -60,9 +60,9 @@ def test_no_line_is_wider_than_asked_and_every_state_and_way_is_there(lablinking
         lines = text_of(picture_of_rule(rule, width))
         assert max(map(cell_length, lines)) <= width
         text = "\n".join(lines)
-        ways = [way for state in rule.states.values() for way in state.transitions]
+        ways = [kind for state in rule.states.values() for kind in state.transitions]
         assert text.count("○") == 45
-        assert text.count("repeat") == sum(way.event == "repeat" for way in ways) > 10
+        assert text.count("repeat") == sum(kind.event == "repeat" for kind in ways) > 10
     assert all(name in text for name in rule.states)
 
 

@@ -202,7 +202,7 @@ def next_timers(situation: Situation) -> list[int]:
 
 def release(snapshot: Snapshot, word: str) -> Submit:
     """Release the stop, and do the same with all rules that it has ended: leave, enter or wait."""
-    chosen = {} if word == "leave" else {rule.name: word for rule in snapshot.stood}
+    chosen = {} if word == "leave" else {rule.name: word for rule in snapshot.stopped_rules}
     behavior = msgspec.json.encode(chosen).decode() if chosen else ""
     return Submit(function="releaseStop", behavior=behavior, source=SOURCE)
 
@@ -302,7 +302,7 @@ def _without_history(snapshot: Snapshot) -> Snapshot:
         rules=replace(snapshot.rules, running=running, step_counts={}, recency=len(ranks)),
         last_pick={},
         robot_lost=snapshot.robot_lost and "lost",
-        stood=[replace(rule, steps=[]) for rule in snapshot.stood],
+        stopped_rules=[replace(rule, steps=[]) for rule in snapshot.stopped_rules],
         wizard_marks=WizardMarksState(last_filler=marks.last_filler, filler_timer=marks.filler_timer),
         open_cue_at=None if snapshot.open_cue_at is None else 0.0,
     )

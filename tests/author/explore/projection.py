@@ -56,7 +56,7 @@ class Projection(NamedTuple):
     kept: tuple[str, ...]
     """Topics of kept events, the oldest first."""
     stop: str
-    stood: tuple[tuple[str, str], ...]
+    stopped_rules: tuple[tuple[str, str], ...]
     """Rules that the stop has ended, with their states, the bottom of the stack first."""
     robot_lost: bool
     cue_open: bool
@@ -96,7 +96,7 @@ def project(kernel: Kernel, keys: Collection[str], *, in_order: bool = True) -> 
         ),
         kept=tuple(kept.topic for kept in kernel.rules.kept.values()),
         stop=kernel.stop.status,
-        stood=tuple((rule.name, rule.state) for rule in kernel.stop.stood),
+        stopped_rules=tuple((rule.name, rule.state) for rule in kernel.stop.stopped_rules),
         robot_lost=kernel.scheduler.runner.robot_lost is not None,
         cue_open=kernel.core.open_cue_at is not None,
         memory=tuple((key, _value(memory, key)) for key in sorted(keys)),

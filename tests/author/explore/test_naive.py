@@ -184,9 +184,9 @@ def test_all_that_chance_can_give_is_tried(tmp_path: Path) -> None:
 def test_everything_can_be_stopped_and_goes_on(tmp_path: Path) -> None:
     scenario = study(tmp_path, rule("R", FORTH, BACK))
     found = explore_naively(scenario, world=World(stop=True, faults=1))
-    stood = {(each.stop, each.stood) for each in found.states}
+    stopped_rules = {(each.stop, each.stopped_rules) for each in found.states}
     # Nothing, s0 or s1: as they are, being stopped, and stopped.
-    assert stood == {("released", ())} | {
+    assert stopped_rules == {("released", ())} | {
         (status, rules) for status in ("requested", "latched") for rules in ((), (("R", "s0"),), (("R", "s1"),))
     }
     assert len(found.states) == 3 + 6

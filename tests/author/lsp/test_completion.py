@@ -112,10 +112,10 @@ def test_proposals_for_exploring(text: str, replaced: str, expected: list[str]) 
 
 
 @pytest.mark.parametrize(
-    ("written", "left_out"),
+    ("written", "omitted"),
     [('cond="wh|" target="T"/>', "wh"), ('eventTopic="/lat|" target="T"/>', "/lat"), ('cond="n|" target="T"/>', "")],
 )
-def test_what_is_just_being_typed_is_no_proposal(written: str, left_out: str) -> None:
+def test_what_is_just_being_typed_is_no_proposal(written: str, omitted: str) -> None:
     """A name is known from where it stands alone, but not from where somebody is still writing it."""
     rule = f'<InteractionRule name="R" initial="S">\n<State id="S"><transition {written}</State>\n<State id="T"/>'
     at = rule.index("|")
@@ -123,10 +123,10 @@ def test_what_is_just_being_typed_is_no_proposal(written: str, left_out: str) ->
     held = {**HELD, "rules/r.xml": text.encode()}
     _, found = proposals(load("/nowhere", held=held), "rules/r.xml", text, at)
     names = [each.text for each in found]
-    assert left_out not in names and names
+    assert omitted not in names and names
     again = {**held, "rules/s.xml": text.replace('name="R"', 'name="Q"').encode()}
     _, found = proposals(load("/nowhere", held=again), "rules/r.xml", text, at)
-    assert not left_out or left_out in [each.text for each in found]
+    assert not omitted or omitted in [each.text for each in found]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-32"])

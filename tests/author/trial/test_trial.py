@@ -16,7 +16,7 @@ from rise_engine.author.trial.trial_state import (
     key_choices,
     memory_that_counts,
     running_acts,
-    standing_rules,
+    running_rules,
 )
 from rise_engine.base.json_codec import decode
 from rise_engine.cli.session.headless_session import RunOptions, run_session
@@ -98,7 +98,7 @@ def test_time_goes_on_until_the_robot_has_done_what_it_does(lablinking: Scenario
     was_busy, began = trial.is_busy, trial.now
     step = trial.go_on()
     assert was_busy and began == 0 and step is not None and not trial.is_busy and 15 < step.at < 25
-    assert [rule.state for rule in standing_rules(trial)] == ["After the welcome"]
+    assert [rule.state for rule in running_rules(trial)] == ["After the welcome"]
     assert trial.go_on() is None
     assert trial.problem == "nothing happens by itself any more: it waits for you" and len(trial.steps) == 2
 
@@ -213,8 +213,8 @@ def test_the_ways_out_say_what_each_waits_for_and_its_reading_now(guide: Scenari
     trial = Trial(guide)
     trial.press(key(guide, "t"))
     trial.let_pass(2)
-    (rule,) = standing_rules(trial)
-    go, bored = rule.ways
+    (rule,) = running_rules(trial)
+    go, bored = rule.transitions
     assert (rule.state, go.waits_for, go.now, go.target, go.event) == (
         "Waiting",
         "event go",
@@ -231,19 +231,19 @@ def test_the_ways_out_say_what_each_waits_for_and_its_reading_now(guide: Scenari
     assert (bored.waits_for, bored.now) == ("8 s to pass", "6 s left")
     trial.set_value("ready = true")
     trial.press(key(guide, "g"))
-    (rule,) = standing_rules(trial)
+    (rule,) = running_rules(trial)
     (act,) = running_acts(trial)
     assert (act.act, act.says, act.waits) == ("R_Hello", "Hello there, Ada!", False) and act.expected > 0.5
-    assert rule.ways[0].now == f"0.0 of {act.expected:.1f} s" and rule.ways[0].event == ""
+    assert rule.transitions[0].now == f"0.0 of {act.expected:.1f} s" and rule.transitions[0].event == ""
 
 
 def test_a_held_condition_and_an_event_without_a_key(guide: Scenario) -> None:
     trial = Trial(guide)
     trial.start_rule("Guide", "Bored")
-    held, done = standing_rules(trial)[0].ways
+    held, done = running_rules(trial)[0].transitions
     assert held.now == "1 s left" and held.readings[0].word == "while" and done.label == "tries = 9"
     trial.set_value("ready = true")
-    assert standing_rules(trial)[0].ways[0].now == "held up: ready is true"
+    assert running_rules(trial)[0].transitions[0].now == "held up: ready is true"
     assert events_to_raise(trial) == []  # `go` has a key
 
 

@@ -175,7 +175,7 @@ NAMES = Parameter("value", "name", names=("hey", "show_sky"))
 
 
 @pytest.mark.parametrize(
-    ("text", "actions", "left_out"),
+    ("text", "actions", "omitted"),
     [
         ("Hello.", ["Speech Hello. []"], []),
         ("", [], []),
@@ -190,7 +190,7 @@ NAMES = Parameter("value", "name", names=("hey", "show_sky"))
         (r"A. \pau=500\ B. \rst\ C.", ["Speech A. []", "Wait 500 [1]", "Speech B. [2]", "Speech C. [3]"], []),
     ],
 )
-def test_annotated_text_is_actions(text: str, actions: list[str], left_out: list[str]) -> None:
+def test_annotated_text_is_actions(text: str, actions: list[str], omitted: list[str]) -> None:
     reader = SpeechReader(NAMES)
     found = [f"{each.type} {next(iter(each.parameters.values()))} {each.wait_for}" for each in reader.read(text)]
-    assert (found, reader.left_out, reader.new_animations) == (actions, left_out, [])
+    assert (found, reader.omitted, reader.new_animations) == (actions, omitted, [])

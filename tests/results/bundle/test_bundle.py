@@ -157,12 +157,12 @@ def test_an_export_of_the_bundle_is_the_export_of_the_study(study: Path, bundle:
 
 def test_what_is_said_of_it(report: BundleReport, bundle: Path) -> None:
     assert any(line.startswith("sessions/: 7 sessions of 3 participants") for line in report.contents)
-    assert any("1 participant of participants.csv who has no session" in line for line in report.left_out)
+    assert any("1 participant of participants.csv who has no session" in line for line in report.omitted)
     told = "\n".join(report.look_at)
     assert "6 sentences that wizards said freely" in told
     assert "words that could be names: Nodd" in told
     readme = (bundle / "README.md").read_text("utf-8")
-    assert all(f"- {line}" in readme for line in (*report.contents, *report.left_out))
+    assert all(f"- {line}" in readme for line in (*report.contents, *report.omitted))
 
 
 def test_the_study_knows_of_it_before_it_is_there(study: Path, bundle: Path) -> None:
@@ -248,7 +248,7 @@ def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     toml.write_text(toml.read_text("utf-8").replace("n = 3", "n = 4"), "utf-8")
     report = bundle_of(study, tmp_path / "bundle", folders=folders)
     assert not (tmp_path / "bundle" / "plan.csv").exists()
-    assert any("what the next participants get" in line for line in report.left_out)
+    assert any("what the next participants get" in line for line in report.omitted)
     assert any("LICENSE: nothing says" in line for line in report.look_at)
 
 
@@ -260,7 +260,7 @@ def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: P
     report = bundle_of(study, tmp_path / "bundle", folders=[first, second])
     assert [path.name for path in (tmp_path / "bundle" / "sessions").iterdir()] == ["P01_hesitation_real_run2"]
     assert report.sessions == 1
-    assert any("P01_hesitation_real_run1 itself, because its journal is damaged" in each for each in report.left_out)
+    assert any("P01_hesitation_real_run1 itself, because its journal is damaged" in each for each in report.omitted)
     actions = json.loads((tmp_path / "bundle" / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
     assert sum(each["@type"] == "CreateAction" for each in actions) == 2
 
@@ -282,7 +282,7 @@ def test_answers_of_somebody_without_a_session_are_named(tmp_path: Path) -> None
         file.write('\n[questionnaire.after]\nfile = "after.csv"\n')
     (study / "after.csv").write_text("participant,q1\nP01,1\nP02,2\nP09,3\n", "utf-8")
     report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:3])
-    assert [each for each in report.left_out if each.startswith("after.csv")] == [
+    assert [each for each in report.omitted if each.startswith("after.csv")] == [
         "after.csv, line 4: left out, because participants.csv does not have the participant; `rise-engine study "
         "check` says more",
         "after.csv, line 3: left out, because there is no session of this participant and run in it",
@@ -297,7 +297,7 @@ def test_shadows_are_in_an_archive_and_nowhere_else(study: Path, tmp_path: Path)
     report = bundle_of(folder, tmp_path / "shared", folders=[session])
     assert any(
         each.startswith("1 shadow of P01_hesitation_real_run1: they hold what second wizards")
-        for each in report.left_out
+        for each in report.omitted
     )
     assert not list((tmp_path / "shared").rglob("shadow"))
     bundle_of(folder, tmp_path / "full", "full", folders=[session])
@@ -536,5 +536,5 @@ def test_words_that_decide_leave_the_session_out(tmp_path: Path) -> None:
     steered = play_session(tmp_path / "sessions", script, scenario=scenario, until=9.0)
     report = bundle_of(study, tmp_path / "bundle", folders=[sessions_of(study)[1], steered])
     assert report.sessions == 1
-    assert any("decided what happened" in each for each in report.left_out)
+    assert any("decided what happened" in each for each in report.omitted)
     assert "zelda" not in texts_in(tmp_path / "bundle" / "sessions")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rise_engine.results.analysis.model import Phase, PlayedAct
 from rise_engine.results.analysis.statistics import summarise
 from rise_engine.results.report.charts import CourseOfSessions, DotRow, dot_plot, drift_figure, latency_figure
-from rise_engine.results.report.course import FEW_ROWS, MAX_ROWS, MAX_RULES, left_out_rules, row_seconds
+from rise_engine.results.report.course import FEW_ROWS, MAX_ROWS, MAX_RULES, omitted_rules, row_seconds
 from rise_engine.results.report.session_facts import BANDS, BIN, LAST_BIN, SOURCES, band_of, histogram, latencies
 from rise_engine.results.report.study_facts import pool
 from tests.results.report.pages import PageReader
@@ -112,6 +112,6 @@ def test_rules_without_a_lane_are_named():
     phases = [
         Phase(rule=f"R{rule}", state="S", start=float(rule), end=rule + 1.0, trigger="start") for rule in range(11)
     ]
-    left = left_out_rules(phases)
+    left = omitted_rules(phases)
     assert len(left) == 11 - MAX_RULES
-    assert left_out_rules(phases[:MAX_RULES]) == []
+    assert omitted_rules(phases[:MAX_RULES]) == []

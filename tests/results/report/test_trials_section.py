@@ -38,13 +38,13 @@ def test_each_trial_is_a_dot_and_its_numbers_are_text() -> None:
 
 
 def test_a_trial_in_which_the_engine_was_away_is_named() -> None:
-    rows = trial_rows([("yes", [replace(FAST, left_out=((2, "outage"),))]), ("no", [SLOW])])
+    rows = trial_rows([("yes", [replace(FAST, omitted=((2, "outage"),))]), ("no", [SLOW])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and "the engine was away: P01, trial 2." in table.note
 
 
 def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
-    second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), left_out=((2, "outage"),))
+    second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), omitted=((2, "outage"),))
     rows = trial_rows([("yes", [replace(FAST, facts=replace(FAST.facts, run=1))]), ("no", [second])])
     figure, table = trials_section(rows, declared=True).blocks
     assert isinstance(table, ReportTable) and "the engine was away: P01, run 2, trial 2." in table.note
@@ -52,7 +52,7 @@ def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
 
 
 def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
-    rows = trial_rows([("yes", [replace(FAST, measure="score", left_out=((3, "value"), (4, "stop")))])])
+    rows = trial_rows([("yes", [replace(FAST, measure="score", omitted=((3, "value"), (4, "stop")))])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and table.note.endswith(
         " Not measured because everything was stopped: P01, trial 4."
@@ -62,9 +62,9 @@ def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
 
 def test_every_trial_that_was_not_measured_is_named_with_a_reason() -> None:
     whys = ("outage", "stop", "back", "silent", "cut", "end", "cue", "key", "unset", "value")
-    left_out = tuple((number, why) for number, why in enumerate(whys, 1))
-    rows = trial_rows([("yes", [replace(FAST, trials=(*(None for _ in whys), 1.0), left_out=left_out)])])
-    assert rows[0].trials == len(rows[0].values) + len(rows[0].left_out)
+    omitted = tuple((number, why) for number, why in enumerate(whys, 1))
+    rows = trial_rows([("yes", [replace(FAST, trials=(*(None for _ in whys), 1.0), omitted=omitted)])])
+    assert rows[0].trials == len(rows[0].values) + len(rows[0].omitted)
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable)
     for number, said in ((3, "stepped back"), (5, "to the end: P01"), (6, "silent: P01"), (7, "no cue: P01")):

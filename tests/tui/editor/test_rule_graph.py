@@ -68,7 +68,7 @@ def test_a_finding_stands_beside_its_way() -> None:
 def test_the_cursor_on_a_way_lights_its_rail() -> None:
     layout = lay_out_rule(COURSE, 60)
     assert layout is not None
-    spot = next(GraphSpot(*key) for key, edge in layout.edges.items() if edge.way == "rail")
+    spot = next(GraphSpot(*key) for key, edge in layout.edges.items() if edge.kind == "rail")
     lit = [row for row in draw_rule(layout, spot, {}) if any(role == "accent" for _, role in row.line)]
     assert len(lit) >= 2
     assert not any(role == "accent" for row in draw_rule(layout, None, {}) for _, role in row.line)

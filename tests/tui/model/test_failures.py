@@ -76,7 +76,7 @@ def test_all_that_was_not_said_word_for_word_with_the_memory_s_values(study: Sce
 
     assert what_was_not_said(study, said_hello, looks_in_vain, left) == [
         UnsaidText("Put the fork to the left.", begun=False),
-        UnsaidText("Was that clear?", begun=False, ways=2),
+        UnsaidText("Was that clear?", begun=False, variants=2),
     ]
 
 

@@ -155,7 +155,7 @@ def test_the_rule_of_the_study() -> None:
         " │ │ │ │   ○ After task 1, introduction             ↓ next",
         " │ │ │ ╰───┤   repeat",
     ]
-    assert {edge.way for edge in layout.edges.values()} == {"down", "rail"}
+    assert {edge.kind for edge in layout.edges.values()} == {"down", "rail"}
 
 
 # --- properties -----------------------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def check(some: Rule, width: int) -> GraphLayout:
             continue
         assert edge.row == at and some.states[edge.source].transitions[edge.number].target == edge.target
         below = next((one for one in states if one > at), None)
-        match edge.way:
+        match edge.kind:
             case "rail":
                 assert layout.rows[follow(layout, drawn, edge)].state == edge.target
             case "down":
@@ -302,9 +302,9 @@ def test_forty_states_at_every_width() -> None:
     words = []
     for width in range(30, 140):
         layout = check(forty(), width)
-        words.append(sum(edge.way == "word" for edge in layout.edges.values()))
+        words.append(sum(edge.kind == "word" for edge in layout.edges.values()))
         near = [edge for edge in layout.edges.values() if edge.label == "repeat"]
-        assert {edge.way for edge in near} == {"rail"}, "a short way gives way to a long one"
+        assert {edge.kind for edge in near} == {"rail"}, "a short way gives way to a long one"
     assert sorted(words, reverse=True) == words, "more room, and less is drawn"
     assert words[0] > words[-1] > 0
 

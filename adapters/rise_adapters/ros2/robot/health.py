@@ -99,15 +99,15 @@ def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
     return tuple(found)
 
 
-def why_held(estop: EstopInput | None, left: Goal | None) -> str:
-    """Why nothing new may begin on a robot (`GoalHost.why_held`). `left`: an open goal of an earlier engine."""
+def why_held(estop: EstopInput | None, earlier: Goal | None) -> str:
+    """Why nothing new may begin on a robot (`GoalHost.why_held`). `earlier`: an open goal of an earlier engine."""
     if estop is not None and estop.pressed:
         return f"estop-pressed: the emergency stop at {estop.name} is pressed"
     if estop is not None and estop.fault:
         return f"estop-unknown: {estop.trouble}"
-    if left is None:
+    if earlier is None:
         return ""
-    what = f"{left.endpoint.name} may still be doing {left.type} ({left.why_open()})"
+    what = f"{earlier.endpoint.name} may still be doing {earlier.type} ({earlier.why_open()})"
     return f"held: {what}, and nothing begins beside that"
 
 

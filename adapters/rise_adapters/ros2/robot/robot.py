@@ -20,6 +20,7 @@ from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
 from rise_adapters.ros2.mapping import ActionMapping, read_options
 from rise_adapters.ros2.robot import health
 from rise_adapters.ros2.robot.action_goal import ActionGoal
+from rise_adapters.ros2.robot.earlier_goals import EarlierGoals
 from rise_adapters.ros2.robot.endpoints import (
     ActionEndpoint,
     Endpoint,
@@ -31,7 +32,6 @@ from rise_adapters.ros2.robot.endpoints import (
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
 from rise_adapters.ros2.robot.health import RobotHealth
-from rise_adapters.ros2.robot.leftovers import Leftovers
 from rise_adapters.ros2.robot.simple_goals import ServiceGoal, TopicGoal
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.transport.port import Message, PortError, Transport
@@ -97,7 +97,7 @@ class Ros2Robot:
         self._estop: EstopInput | None = None
         self._held_by: Sequence[str] = ()
         self._estop_watch = health.EstopWatch(clock)
-        self._leftovers = Leftovers(clock, gives_up=read_options(profile).unattended == "go on")
+        self._earlier_goals = EarlierGoals(clock, gives_up=read_options(profile).unattended == "go on")
         self._transport = transport
         self._make_endpoints()
 
@@ -162,7 +162,7 @@ class Ros2Robot:
                 self._adopt_unknown(goal.type, bytes.fromhex(goal.action.removeprefix(UNKNOWN_GOAL)))
             else:
                 made = self._goals[goal.action] = self._make_goal(goal, mapping, {})
-                self._leftovers.add(made, limit_seconds(self._profile.actions[goal.type], goal.parameters))
+                self._earlier_goals.add(made, limit_seconds(self._profile.actions[goal.type], goal.parameters))
                 made.adopt(accepted=goal.accepted)
 
     def adopt_estop(self, held_by: Sequence[str]) -> None:
@@ -177,7 +177,7 @@ class Ros2Robot:
         for goal in self._goals_at(part):
             goal.release()
         self._reported = None  # report the state even if the robot is lost
-        self._report_standing()
+        self._report_state()
 
     def _goals_at(self, part: str) -> list[Goal]:
         """Open goals that hold a part; empty: any part."""
@@ -202,7 +202,7 @@ class Ros2Robot:
             return
         if self._stop is not None and self._stop.is_answered:
             self.end_stop()
-        if self._leftovers.first is not None:  # otherwise the engine cancels that after 5 s
+        if self._earlier_goals.first is not None:  # otherwise the engine cancels that after 5 s
             server = mapping.deadlines.server + mapping.deadlines.cancel
             mapping = replace(mapping, deadlines=replace(mapping.deadlines, server=server))
         try:
@@ -300,7 +300,7 @@ class Ros2Robot:
     # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
     def why_held(self) -> str:
-        return health.why_held(self._estop, self._leftovers.first)
+        return health.why_held(self._estop, self._earlier_goals.first)
 
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
@@ -335,7 +335,7 @@ class Ros2Robot:
         else:
             goal.endpoint.open.pop(goal.action, None)
         if is_open and not was_open and self._reported is not None:
-            self._report_standing()
+            self._report_state()
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
         """Our goals at an endpoint. A released goal is judged by the server's status, like those of other clients."""
@@ -375,11 +375,11 @@ class Ros2Robot:
         steps: list[Callable[[], object]] = [self._poll_endpoints]
         if self._estop is not None and not self._transport.failure():
             steps.append(self._estop.poll)
-        steps.append(self._leftovers.poll)
+        steps.append(self._earlier_goals.poll)
         self._went_well = True
         self._attempt(steps)
         self._attempt([goal.poll for goal in self._live.values()])
-        self._attempt([self._report_standing])
+        self._attempt([self._report_state])
         if self._went_well:
             self._errors.clear()
         self._set_timer()
@@ -406,7 +406,7 @@ class Ros2Robot:
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":
-            self._report_standing()  # report the loss first, so that nothing new begins in response
+            self._report_state()  # report the loss first, so that nothing new begins in response
         for endpoint in changed:
             endpoint.told = endpoint.others
             there = [goal for goal in self._goals.values() if goal.endpoint is endpoint]
@@ -441,7 +441,7 @@ class Ros2Robot:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
         return health.assess(self._transport, self._endpoints, busy, self._estop_watch.faults(self._estop))
 
-    def _report_standing(self) -> None:
+    def _report_state(self) -> None:
         """Report the robot's state if it has changed."""
         now = self._assess_health()
         if self._reported is None:

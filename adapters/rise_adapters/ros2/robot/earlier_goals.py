@@ -9,7 +9,7 @@ UNANSWERED_SECONDS = 60.0
 """The minimum number of seconds from a recovery until an unanswerable goal is given up."""
 
 
-class Leftovers:
+class EarlierGoals:
     """The goals of earlier engines."""
 
     def __init__(self, clock: Clock, *, gives_up: bool) -> None:
