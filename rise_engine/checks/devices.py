@@ -92,7 +92,7 @@ async def check_robot(request: ChildRequest) -> Finding:
     return Finding(True, f"{what}; F9 cannot stop {', '.join(unstoppable)}" if unstoppable else what)
 
 
-async def say_word(request: ChildRequest) -> Finding:
+async def check_sound(request: ChildRequest) -> Finding:
     """Make the robot say a word in a session that is not stored. A person then says whether it was heard."""
     try:
         scenario = _load(request)
@@ -104,7 +104,7 @@ async def say_word(request: ChildRequest) -> Finding:
         # Only the voice is needed; another check reports missing parts.
         profile = narrow_profile(scenario.robot, frozenset({sent_as(scenario.robot, SPEECH)}))
         async with _connected_robot(request, scenario, profile) as (robot, clock):
-            ended = await _say(replace(scenario, robot=profile), robot, clock, word)
+            ended = await _speak_word(replace(scenario, robot=profile), robot, clock, word)
     except AdapterError as error:
         return Finding(False, reason=str(error))
     if ended is None:
@@ -185,7 +185,7 @@ async def _connected_robot(
             await bridge.close()
 
 
-async def _say(scenario: Scenario, robot: Robot, clock: RealClock, word: str) -> TaskRecord | None:
+async def _speak_word(scenario: Scenario, robot: Robot, clock: RealClock, word: str) -> TaskRecord | None:
     """Say the word, and return the last record of its task; None: it did not end."""
     ended: asyncio.Future[TaskRecord] = asyncio.get_running_loop().create_future()
 
@@ -368,7 +368,7 @@ def _run_check(request: ChildRequest) -> Finding:
         return check_explored(Path(request.study), request.session, request.robot, request.mode)
     if request.kind == "recorder":
         return asyncio.run(check_recorders(request))
-    return asyncio.run(say_word(request) if request.kind == "sound" else check_robot(request))
+    return asyncio.run(check_sound(request) if request.kind == "sound" else check_robot(request))
 
 
 if __name__ == "__main__":

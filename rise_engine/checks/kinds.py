@@ -244,10 +244,10 @@ def findings_of(
         KindFinding(each.level, each.kind, each.text, "" if each.location is None else f"{prefix / str(each.location)}")
         for each in exploration.findings
     ]
-    told = {each.place for each in found if each.kind == "missing-part"}
+    missing_parts = {each.place for each in found if each.kind == "missing-part"}
     for failure in played.failures:
         place = f"{prefix / str(failure.location)}"
-        if place not in told:
+        if place not in missing_parts:
             level: FindingLevel = "warning" if failure.by_hand else "problem"
             found.append(KindFinding(level, "play-failed", failure.sentence, place))
     return tuple(found)

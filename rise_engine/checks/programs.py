@@ -195,8 +195,8 @@ def run_program_check(
     how = (
         f"{name} ended with exit status {end.status}" if end.status > 0 else f"{_signal_name(-end.status)} ended {name}"
     )
-    said = first_line(end.errors)
-    if value or not said:
+    first = first_line(end.errors)
+    if value or not first:
         return Finding(False, value, how if value else f"{how}, and it said nothing")
     return Finding(False, reason=f"{how}: {said}")
 
@@ -269,9 +269,9 @@ def run_in_child(request: ChildRequest, limit: float, cancelled: Event | None = 
     try:
         return msgspec.json.decode(end.output, type=Finding)
     except msgspec.DecodeError:
-        said = last_line(end.errors)
+        last = last_line(end.errors)
         how = f"the check itself failed (exit status {end.status})"
-        return Finding(False, reason=": ".join(filter(None, (how, said))))
+        return Finding(False, reason=": ".join(filter(None, (how, last))))
 
 
 def last_line(output: bytes) -> str:

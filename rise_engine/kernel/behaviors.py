@@ -70,11 +70,11 @@ class Release(Struct, frozen=True):
 def read_release(behavior: str) -> Release:
     """Read the behaviour of releaseStop; empty: all rules stay stopped. Raises BehaviorError."""
     try:
-        said = msgspec.json.decode(behavior, type=dict[str, Resumption | int]) if behavior else {}
+        given = msgspec.json.decode(behavior, type=dict[str, Resumption | int]) if behavior else {}
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
         raise BehaviorError(f"the behaviour is empty, or JSON such as {_RELEASE} ({error})") from None
-    rules = {name: how for name, how in said.items() if not isinstance(how, int)}
-    numbers = {name: number for name, number in said.items() if isinstance(number, int)}
+    rules = {name: how for name, how in given.items() if not isinstance(how, int)}
+    numbers = {name: number for name, number in given.items() if isinstance(number, int)}
     if numbers.keys() - {"stop"}:
         raise BehaviorError(f"the behaviour is empty, or JSON such as {_RELEASE}")
     return Release(rules, numbers.get("stop"))

@@ -159,7 +159,7 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
         case MistakeRecord():
             what = f"{record.act} (task {record.task})" if record.act else f"task {record.task}"
             return RecordWords(
-                "mistake", what, _MARKS.get(record.mark, record.mark) + _says(record.source, sources), ": "
+                "mistake", what, _MARKS.get(record.mark, record.mark) + _source_note(record.source, sources), ": "
             )
         case ScenarioRecord():
             return RecordWords("files", "the session goes on with changed files", ", ".join(record.changes), ": ")
@@ -257,12 +257,14 @@ def _condition_text(record: ConditionRecord) -> str:
         f"{key} is not set" if key in record.missing else f"{key} is {format_value(value)}"
         for key, value in record.values.items()
     )
-    told = read and not (len(record.values) == 1 and record.expression.strip() in record.values and not record.missing)
+    shows_values = read and not (
+        len(record.values) == 1 and record.expression.strip() in record.values and not record.missing
+    )
     verdict = "true" if record.result else "false"
     verdict = (
         f"cannot be worked out in {record.rule}: {record.error}" if record.error else f"{verdict} in {record.rule}"
     )
-    return f"{verdict} ({read})" if told else verdict
+    return f"{verdict} ({read})" if shows_values else verdict
 
 
 def _memory_text(record: MemoryRecord) -> str:
@@ -305,7 +307,7 @@ def _cue_text(record: CueRecord, sources: bool) -> str:
 
 def _failure_text(record: FailureRecord, sources: bool) -> str:
     when = "when the robot is back" if record.seconds is None else f"in {record.seconds:g} s"
-    says = _says(record.source, sources)
+    says = _source_note(record.source, sources)
     return {
         "asked": _add("failed, and somebody is asked what to do", record.reason),
         "waiting": _add(f"failed, and is repeated {when}", record.reason),
@@ -322,38 +324,38 @@ def _stop_words(record: StopRecord) -> RecordWords:
         return RecordWords("stop", "let go", text, ": ")
     if record.status != "latched":
         return RecordWords("stop", record.status, by)
-    told = (("confirmed", record.confirmed), ("NOT confirmed", record.unconfirmed))
-    texts = [f"{words} by {', '.join(parts)}" for words, parts in told if parts]
+    answers = (("confirmed", record.confirmed), ("NOT confirmed", record.unconfirmed))
+    texts = [f"{words} by {', '.join(parts)}" for words, parts in answers if parts]
     texts += [f"{', '.join(record.unstoppable)} CANNOT be stopped"] if record.unstoppable else []
     return RecordWords("stop", "latched", "; ".join(texts) or "confirmed by nobody", ": ")
 
 
 def _session_words(record: SessionRecord, sources: bool) -> RecordWords:
     if record.status == "ended":
-        told = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
-        return RecordWords("session", "ended", told, ": ")
+        text = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
+        return RecordWords("session", "ended", text, ": ")
     away = "" if record.downtime is None else f" after {record.downtime:.1f} s without engine"
     about = (
         [f"{record.scenario}, mode {record.mode}, robot {record.robot}, seed {record.seed}"] if record.scenario else []
     )
     who = (record.participant, record.condition) if sources else ()
     waits = "nothing begins on the robot until a wizard takes control" if record.waits_for_wizard else ""
-    told = ", ".join(filter(None, (*about, *who, record.reason, waits)))
-    return RecordWords("session", f"{record.status}{away}", told, ": ")
+    text = ", ".join(filter(None, (*about, *who, record.reason, waits)))
+    return RecordWords("session", f"{record.status}{away}", text, ": ")
 
 
 def _report_words(record: CheckRecord | OutcomeRecord | RecordingRecord | SyncRecord, sources: bool) -> RecordWords:
     match record:
         case CheckRecord():
             text = _add(record.text or record.id, ", ".join(filter(None, (record.value, record.reason))))
-            return RecordWords("check", record.result, text + _says(record.source, sources), ": ")
+            return RecordWords("check", record.result, text + _source_note(record.source, sources), ": ")
         case OutcomeRecord():
-            text = f"{record.reason}{_says(record.source, sources)}".removeprefix(", ")
+            text = f"{record.reason}{_source_note(record.source, sources)}".removeprefix(", ")
             return RecordWords("session", f"counts as {record.status}", text, ": ")
         case RecordingRecord():
             size = "" if record.bytes is None or not sources else f"{record.bytes:,} bytes"
-            told = (record.reason or record.path, size) if sources else (record.reason,)
-            return RecordWords("recording", record.status, _add(record.name, ", ".join(filter(None, told))), ": ")
+            parts = (record.reason or record.path, size) if sources else (record.reason,)
+            return RecordWords("recording", record.status, _add(record.name, ", ".join(filter(None, parts))), ": ")
         case SyncRecord():
             return RecordWords(
                 "sync", f"mark {record.number}", " ".join(filter(None, (record.medium, record.text))), ": "
@@ -368,5 +370,5 @@ def _took(seconds: float | None) -> str:
     return "" if seconds is None else f", {seconds:.1f} s"
 
 
-def _says(source: str, sources: bool) -> str:
+def _source_note(source: str, sources: bool) -> str:
     return f", says {source}" if sources and source != ENGINE else ""

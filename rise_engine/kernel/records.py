@@ -73,8 +73,8 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
 
 def open_goals_warning(goals: Iterable[OpenGoal]) -> str:
     """The warning at the end of a session that left these goals open; empty for none."""
-    told = describe_open_goals(goals)
-    return f"LOOK AT THE ROBOT: {told}" if told else ""
+    text = describe_open_goals(goals)
+    return f"LOOK AT THE ROBOT: {text}" if text else ""
 
 
 class SessionIdentity(Struct, frozen=True, kw_only=True):

@@ -32,8 +32,8 @@ def why_not_speak(scenario: Scenario) -> str:
 
 
 def _speech_act(scenario: Scenario, text: str) -> Act:
-    said = literal_ssml(text) if begins_as_ssml(text) else text  # a wizard types text, not markup
-    message = Template(said, (said,))  # literal: braces are spoken
+    literal = literal_ssml(text) if begins_as_ssml(text) else text  # a wizard types text, not markup
+    message = Template(literal, (literal,))  # literal: braces are spoken
     spec, parameters = scenario.robot.actions[SPEECH], {MESSAGE: message}
     if scenario.says_language and LANGUAGE in spec.parameters:
         parameters[LANGUAGE] = Template(scenario.language, (scenario.language,))

@@ -34,7 +34,7 @@ _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
 """Texts that are already counted, in a shared session."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
 """The field with people's typed text, for each kind of record."""
-_SAID_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
+_WRITTEN_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
 """Kinds of records whose sentences can contain a date (such as that of a plan) or a file's path."""
 _SENTENCES = ("text", "value", "reason", "detail")
 _DATE = re.compile(
@@ -118,10 +118,10 @@ class LevelFilter:
         kind = values["input"]
         values = _without_typed("task" if kind == "submit" else kind, values)
         if self.level == "public" and kind == "submit":
-            told = _without_free_speech(
+            filtered = _without_free_speech(
                 {**values, "kind": "task", "status": "REJECTED" if rejected else "", "reason": ""}
             )
-            values = {**values, "behavior": told["behavior"]}
+            values = {**values, "behavior": filtered["behavior"]}
         return {name: self._hide_people(name, each) for name, each in values.items()}
 
     def _note_person(self, role: str, name: str) -> None:
@@ -161,7 +161,7 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
         values = {**values, "behavior": count_words("free text", values["behavior"])}
     if kind == "recording":
         values = {**values, "path": ""}
-    if kind in _SAID_BY_PROGRAM:
+    if kind in _WRITTEN_BY_PROGRAM:
         sentences = {
             name: without_dates_and_places(values[name]) for name in _SENTENCES if isinstance(values.get(name), str)
         }
@@ -204,17 +204,17 @@ def count_words(what: str, text: str) -> str:
     return text if _COUNTED.fullmatch(text) else f"[{what}, {pluralize(len(text.split()), 'word')}]"
 
 
-def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
+def coded_at_level(folder: Path, level: LevelFilter) -> list[CodedFile]:
     """Return a session's annotations for coded.json of a shared session. Empty: they cannot be read.
 
     :param folder: the session's folder.
     :param level: the filter of a level below full.
     """
-    told: list[CodedFile] = []
+    files: list[CodedFile] = []
     try:
         for number, file in enumerate(read_coded(folder), 1):
-            spans = tuple(told_span(each, file, level) for each in read_spans(folder, file))
-            told.append(
+            spans = tuple(span_at_level(each, file, level) for each in read_spans(folder, file))
+            files.append(
                 CodedFile(
                     name=str(number),
                     sha256="",
@@ -227,10 +227,10 @@ def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
             )
     except SessionError:
         return []
-    return told
+    return files
 
 
-def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
+def span_at_level(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
     """Return an annotation at a level: participants' speech and comments become their number of words."""
     return replace(
         span,

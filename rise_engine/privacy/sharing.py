@@ -28,7 +28,7 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, TaskRecord
 from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
-from rise_engine.privacy.levels import ExportLevel, LevelFilter, told_coded
+from rise_engine.privacy.levels import ExportLevel, LevelFilter, coded_at_level
 from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.session.coded import CODED_FILE
 from rise_engine.session.folder import (
@@ -161,8 +161,8 @@ class _Sharing:
 
     def _shared_input(self, line: InputLine) -> AnyInput:
         body: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(line.input))
-        told = self._old.apply_to_input(body, rejected=line.n in self._rejected)
-        private = self._without_private(line.input, told)
+        filtered = self._old.apply_to_input(body, rejected=line.n in self._rejected)
+        private = self._without_private(line.input, filtered)
         if private == body:
             return line.input
         self._report.changed += 1
@@ -253,8 +253,8 @@ class _Sharing:
                 make_private_folder(destination.parent)
                 write_private_file(destination, path.read_bytes())
         (target / SCENARIO_COPY).mkdir(0o700, exist_ok=True)
-        if told := told_coded(self._folder, self._old):
-            write_private_file(target / CODED_FILE, list_bytes(told))
+        if files := coded_at_level(self._folder, self._old):
+            write_private_file(target / CODED_FILE, list_bytes(files))
             self._report.people.update(self._old.people)
 
     def _shared_info(self) -> SessionInfo:

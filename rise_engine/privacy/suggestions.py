@@ -61,7 +61,7 @@ def suggest_words(folder: Path) -> list[NameSuggestion]:
                     if word[0].isupper() and word.casefold() not in known:
                         add(word, "begins with a capital, and the scenario has no such word", 3)
         elif not isinstance(line, JournalHeader):
-            for value, why, rank in _told_values(line, scenario.private):
+            for value, why, rank in _memory_texts(line, scenario.private):
                 add(value, why, rank)
     if info.participant and not (info.participant.isascii() and info.participant.isalnum()):
         add(info.participant, "the participant, and no pseudonym", 0)
@@ -79,7 +79,7 @@ def _typed_texts(input: AnyInput) -> Iterator[str]:
                 yield text
 
 
-def _told_values(record: AnyRecord, private: frozenset[str]) -> Iterator[tuple[str, str, int]]:
+def _memory_texts(record: AnyRecord, private: frozenset[str]) -> Iterator[tuple[str, str, int]]:
     if not isinstance(record, MemoryRecord):
         return
     head = record.key.partition(".")[0]

@@ -308,10 +308,10 @@ class Table(Struct, frozen=True, dict=True):
         if not self.translations:
             return self
         given = self.translations.get(language, {})
-        said = [given[column].values if column in given else [None] * len(self.rows) for column in self.columns]
+        columns = [given[column].values if column in given else [None] * len(self.rows) for column in self.columns]
         rows = [
             [value if other is None else other for value, other in zip(row, others, strict=True)]
-            for row, others in zip(self.rows, zip(*said, strict=True), strict=True)
+            for row, others in zip(self.rows, zip(*columns, strict=True), strict=True)
         ]
         return Table(self.name, self.columns, rows, self.location)
 

@@ -173,8 +173,8 @@ def _read_eaf(name: str, data: bytes) -> CodedDocument:
     unit = 1.0 if header is None or header.get("TIME_UNITS", "milliseconds") == "milliseconds" else None
     if unit is None:
         raise SessionError(f"{name}: its times are in {header.get('TIME_UNITS')}, not in milliseconds")  # type: ignore[union-attr]
-    told = {each.get("NAME", ""): (each.text or "").strip() for each in root.iter("PROPERTY")}
-    document = CodedDocument([], [], parse_clock(told.get(CLOCK, "")), told.get(SESSION, ""), problems=[])
+    properties = {each.get("NAME", ""): (each.text or "").strip() for each in root.iter("PROPERTY")}
+    document = CodedDocument([], [], parse_clock(properties.get(CLOCK, "")), properties.get(SESSION, ""), problems=[])
     document.media = tuple(
         (PurePath(each.get("RELATIVE_MEDIA_URL") or each.get("MEDIA_URL") or "").name, _origin(each))
         for each in root.iter("MEDIA_DESCRIPTOR")
@@ -327,9 +327,9 @@ def _pair(name: str, rows: Iterable[tuple[float, str, str, str, str, str]], docu
         if kind == "POINT":
             document.spans.append(CodedSpan(tier, "", at, at, code, modifiers, comment))
         elif key in begun and kind != "START":
-            begin, said = begun.pop(key)
-            said = "; ".join(filter(None, (said, comment)))
-            document.spans.append(CodedSpan(tier, "", begin, at, code, modifiers, said))
+            begin, comments = begun.pop(key)
+            comments = "; ".join(filter(None, (comments, comment)))
+            document.spans.append(CodedSpan(tier, "", begin, at, code, modifiers, comments))
         else:
             begun[key] = (at, comment)
         if tier not in document.tiers:
@@ -404,8 +404,8 @@ def _subject(row: dict[str, str]) -> str:
 
 
 def _modifiers(row: dict[str, str]) -> str:
-    told = [value for column, value in row.items() if column.startswith("Modifier") and value not in ("", "None")]
-    return "|".join(told)
+    modifiers = [value for column, value in row.items() if column.startswith("Modifier") and value not in ("", "None")]
+    return "|".join(modifiers)
 
 
 def _media_names(row: dict[str, str]) -> str:

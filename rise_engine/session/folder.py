@@ -214,11 +214,11 @@ def info_differences(folder: Path, *, moments: bool = False) -> list[str]:
     :param moments: also compare the start.
     """
     try:
-        told = asdict(_read_info(folder))
+        values = asdict(_read_info(folder))
     except SessionError:
         return []
     labels = read_labels(folder / JOURNAL)
-    return [*label_differences(labels, told, INFO), *(moment_differences(labels, told, INFO) if moments else ())]
+    return [*label_differences(labels, values, INFO), *(moment_differences(labels, values, INFO) if moments else ())]
 
 
 @lru_cache(maxsize=1024)  # as for the labels: readers of a study ask for it many times

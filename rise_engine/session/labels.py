@@ -94,19 +94,19 @@ CLOCK_TOLERANCE = 2.0
 """Maximum difference in seconds of two times of day of one moment."""
 
 
-def moment_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> Iterator[str]:
+def moment_differences(labels: Mapping[str, Any] | None, values: Mapping[str, Any], file: str) -> Iterator[str]:
     """Report if another file has a different time of the start (`started`). Some seconds are no difference.
 
     `started` was taken after session time 0 and before the first record, whose `t` is the delay.
 
     :param labels: from `read_labels`.
-    :param told: the other file's values.
+    :param values: the other file's values.
     :param file: the other file's name.
     """
-    if labels is None or not labels.get("wall") or not told.get("started"):
+    if labels is None or not labels.get("wall") or not values.get("started"):
         return
-    wall, started = str(labels["wall"]), str(told["started"])
-    zero = moment_of_zero(wall, labels["t"], labels.get("speed") or told.get("speed") or 1.0)
+    wall, started = str(labels["wall"]), str(values["started"])
+    zero = moment_of_zero(wall, labels["t"], labels.get("speed") or values.get("speed") or 1.0)
     try:
         began, first, zero_moment = map(datetime.fromisoformat, (started, wall, zero))
         early, late = (zero_moment - began).total_seconds(), (began - first).total_seconds()
@@ -116,40 +116,40 @@ def moment_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any]
         yield f"{file} says started = {_as_text(started)}, but the first record of {JOURNAL} is of {wall}"
 
 
-def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:
+def label_differences(labels: Mapping[str, Any] | None, values: Mapping[str, Any], file: str) -> list[str]:
     """List the differences of another file from a session's journal, in sentences with both values.
 
     :param labels: from `read_labels`; labels missing in an older journal are not compared.
-    :param told: the other file's values; missing labels are not compared.
+    :param values: the other file's values; missing labels are not compared.
     :param file: the other file's name.
 
     >>> label_differences({"condition": "calm", "slot": None}, {"condition": "lively", "slot": 0}, "session.toml")
     ['session.toml says condition = "lively", but journal.jsonl says condition = "calm"']
     """
     return [
-        f"{file} says {name} = {_as_text(told[name])}, but {JOURNAL} says {name} = {_as_text(recorded)}"
-        for name, recorded in labels_for(labels, told).items()
-        if (recorded or None) != (_plain(told[name]) or None) and not _is_same_language(name, recorded, told[name])
+        f"{file} says {name} = {_as_text(values[name])}, but {JOURNAL} says {name} = {_as_text(recorded)}"
+        for name, recorded in labels_for(labels, values).items()
+        if (recorded or None) != (_plain(values[name]) or None) and not _is_same_language(name, recorded, values[name])
     ]
 
 
-def _is_same_language(name: str, recorded: Any, told: Any) -> bool:
+def _is_same_language(name: str, recorded: Any, values: Any) -> bool:
     """Whether both are the same language tag, apart from capital letters."""
-    return name == "language" and str(recorded).lower() == str(told).lower()
+    return name == "language" and str(recorded).lower() == str(values).lower()
 
 
-def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dict[str, Any]:
+def labels_for(labels: Mapping[str, Any] | None, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the journal's labels under the names of another file.
 
     :param labels: from `read_labels`.
-    :param told: the other file's values.
+    :param values: the other file's values.
     """
     if labels is None:
         return {}
     by_name = {_CALLED.get(label, label): label for label in _LABELS if label in labels}
-    if not (labels.get("language") and told.get("language")):  # without a requested language, session.toml has none
+    if not (labels.get("language") and values.get("language")):  # without a requested language, session.toml has none
         by_name.pop("language", None)
-    return {name: labels[label] for name, label in by_name.items() if name in told}
+    return {name: labels[label] for name, label in by_name.items() if name in values}
 
 
 def refuse_differences(folder: Path, differences: Iterable[str]) -> None:

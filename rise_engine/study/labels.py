@@ -114,27 +114,27 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     :return: sentences that name both values; empty where all agree.
     """
     name = folder.resolve().name
-    told = [
+    entries = [
         each
         for each in (_log_of(folder) if log is None else log)
         if each.kind in _ABOUT_SESSIONS and name in (each.get("folder"), each.get("session"))
     ]
-    found = info_differences(folder, moments=any(each.kind == "session" for each in told))
-    labels = read_labels(folder / JOURNAL) if told else None
+    found = info_differences(folder, moments=any(each.kind == "session" for each in entries))
+    labels = read_labels(folder / JOURNAL) if entries else None
     found += _name_differences(name, labels or {})
-    if any(each.kind == "session" for each in told):
+    if any(each.kind == "session" for each in entries):
         found += _study_differences(folder.resolve().parent.parent / STUDY_FILE, labels or {})
     given: Mapping[str, Any] | None = labels
     accepted: Mapping[str, Any] | None = labels
-    moves = [each for each in told if each.kind == "reassigned"]
+    moves = [each for each in entries if each.kind == "reassigned"]
     if labels is not None and any(
         str(each.get(who)).startswith(WITHDRAWN_PREFIX) for each in moves for who in ("was", "participant")
     ):
         accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has replaced them in earlier entries
-    outcomes = [each for each in told if each.kind == "outcome"]
+    outcomes = [each for each in entries if each.kind == "outcome"]
     found += _outcome_differences(folder, outcomes)
     found += _end_differences(folder, outcomes) if labels is not None else []
-    for each in told:
+    for each in entries:
         where = f"{LOG_FILE}, line {each.line},"
         if each.kind == "reassigned":
             if not str(each.get("was")).startswith(WITHDRAWN_PREFIX):
@@ -179,40 +179,40 @@ def _read_study_id(study: Path, changed: tuple[int, int]) -> str:
         return ""
 
 
-def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
+def _outcome_differences(folder: Path, entries: Sequence[LogEntry]) -> Iterator[str]:
     """Report outcomes in the log that do not follow from the session's journal.
 
     The log begins with the journal's last outcome, if there is one. Each later entry is a correction with a reason.
 
-    :param told: the session's outcomes in the log.
+    :param entries: the session's outcomes in the log.
     """
-    if not told:
+    if not entries:
         return
     judged = read_verdict(folder).report
-    if judged is not None and told[0].get("status") != judged.status:
+    if judged is not None and entries[0].get("status") != judged.status:
         yield (
-            f'{LOG_FILE}, line {told[0].line}, says status = "{told[0].get("status")}", but {JOURNAL} says '
+            f'{LOG_FILE}, line {entries[0].line}, says status = "{entries[0].get("status")}", but {JOURNAL} says '
             f'status = "{judged.status}"'
         )
-    reason = str(told[0].get("reason") or "")
+    reason = str(entries[0].get("reason") or "")
     if judged is not None and reason != judged.reason and WITHDRAWN_PREFIX not in reason:
         yield (
-            f'{LOG_FILE}, line {told[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
+            f'{LOG_FILE}, line {entries[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
         )
-    for each in told[1:]:
+    for each in entries[1:]:
         if not str(each.get("reason") or "").strip():
             yield f"{LOG_FILE}, line {each.line}, corrects the outcome and gives no reason"
 
 
-def _end_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
+def _end_differences(folder: Path, entries: Sequence[LogEntry]) -> Iterator[str]:
     """Report a journal that ends earlier than the log's first outcome, which has the session time of its end."""
-    logged = told[0].get("seconds") if told else None
+    logged = entries[0].get("seconds") if entries else None
     if not isinstance(logged, float | int):
         return
     end = read_verdict(folder).seconds
     if end < logged - _ROUNDED:
         yield (
-            f"{LOG_FILE}, line {told[0].line}, says {logged:.3f} s, {JOURNAL} ends at {end:.3f} s: its end is missing"
+            f"{LOG_FILE}, line {entries[0].line}, says {logged:.3f} s, {JOURNAL} ends at {end:.3f} s: its end is missing"
         )
 
 

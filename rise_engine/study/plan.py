@@ -24,7 +24,7 @@ from rise_engine.study.study_scenarios import scenario_folder, scenario_of
 
 PLAN_COLUMNS = ("slot", "order", "seed")
 """Columns that every plan.csv has beside strata and between factors."""
-SAID_LATER = frozenset({"wizards", "report", "retention", "participants", "questionnaire"})
+NOT_IN_DESIGN = frozenset({"wizards", "report", "retention", "participants", "questionnaire"})
 """Tables of study.toml that do not affect any session."""
 
 
@@ -92,7 +92,7 @@ def with_hashes(study: Study, values: Mapping[str, Json]) -> Study:
 
 
 def content_hash(values: Mapping[str, Json]) -> str:
-    """Return the SHA-256 of study.toml without comments, `SAID_LATER` and descriptions of levels.
+    """Return the SHA-256 of study.toml without comments, `NOT_IN_DESIGN` and descriptions of levels.
 
     People may add these after the sessions. So the study.toml of a bundle, which names no wizards, has the same hash.
 
@@ -100,23 +100,23 @@ def content_hash(values: Mapping[str, Json]) -> str:
     >>> content_hash({"n": 4, "report": {"story": "Tea"}}) == content_hash({"n": 4}) != content_hash({"n": 5})
     True
     """
-    told = {name: value for name, value in values.items() if name not in SAID_LATER}
-    if "factors" in told:
-        told["factors"] = _without_descriptions(told["factors"])
-    return _hash_of(told)
+    hashed = {name: value for name, value in values.items() if name not in NOT_IN_DESIGN}
+    if "factors" in hashed:
+        hashed["factors"] = _without_descriptions(hashed["factors"])
+    return _hash_of(hashed)
 
 
 def _without_descriptions(factors: Json) -> Json:
     """Remove the levels' descriptions from `[factors]`."""
     if not isinstance(factors, dict):
         return factors
-    told: dict[str, Json] = {}
+    plain: dict[str, Json] = {}
     for name, factor in factors.items():
         levels = factor.get("levels") if isinstance(factor, dict) else None
-        told[name] = factor
+        plain[name] = factor
         if isinstance(factor, dict) and isinstance(levels, dict):
-            told[name] = {**factor, "levels": {level: _plain_level(values) for level, values in levels.items()}}
-    return told
+            plain[name] = {**factor, "levels": {level: _plain_level(values) for level, values in levels.items()}}
+    return plain
 
 
 def _plain_level(level: Json) -> Json:

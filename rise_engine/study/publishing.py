@@ -136,15 +136,15 @@ def read_report(study: TomlTable) -> dict[str, str]:
     :param study: the whole study.toml.
     """
     table = study.section("report", (*ITEM_NAMES, *PUBLISHING_NAMES))
-    said: dict[str, str] = {}
+    answers: dict[str, str] = {}
     for name in table.values:
         if name in ITEM_NAMES or name in PUBLISHING_NAMES:
             text = table.read(name, str, "", form=f': {name} = "..."').strip()
             if text:
-                said[name] = text
-    for author in authors_of(said):
+                answers[name] = text
+    for author in authors_of(answers):
         if author.orcid and (problem := orcid_problem(author.orcid)):
             table.report_value(
                 "wrong-value", "authors", f"`{author.orcid}` of {author.name} is not an ORCID: {problem}"
             )
-    return said
+    return answers

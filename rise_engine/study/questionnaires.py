@@ -118,8 +118,8 @@ def _read_columns(table: TomlTable) -> dict[str, ItemDescription]:
             continue
         item.report_unknown_keys(_OF_ITEM)
         levels = item.section("levels")
-        told = {level: levels.read(level, str, "", form=f': {level} = "not at all"') for level in levels.values}
-        found[name] = ItemDescription(item.read("about", str, "", form=': about = "..."'), told)
+        texts = {level: levels.read(level, str, "", form=f': {level} = "not at all"') for level in levels.values}
+        found[name] = ItemDescription(item.read("about", str, "", form=': about = "..."'), texts)
     return found
 
 

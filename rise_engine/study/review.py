@@ -199,8 +199,8 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
     for path in session_folders(folder):
         other = known.get(path.name)
         is_read = other is not None and other.info is not None
-        told = other.differences if other is not None and is_read else session_differences(path, entries)
-        for sentence in (*told, *outage_differences(path)):
+        differences = other.differences if other is not None and is_read else session_differences(path, entries)
+        for sentence in (*differences, *outage_differences(path)):
             diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
     return known
 
@@ -285,7 +285,7 @@ def review_entries(
     _check_consent(study, sessions.values(), people, diagnostics)
     for session in sessions.values():
         if session.info is not None and session.entry.status == "ended":
-            _check_told(session, entries, diagnostics)
+            _check_log_copies(session, entries, diagnostics)
 
 
 def _check_kinds(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
@@ -351,10 +351,10 @@ def _check_consent(
                 diagnostics.warning("late-consent", SourceLocation(PARTICIPANTS_FILE, person.line), message)
 
 
-def _check_told(session: StudySession, entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
+def _check_log_copies(session: StudySession, entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
     """Check the results of checks and the lengths that the log copies from the journals."""
-    told = [each for each in entries if session.name in (each.get("folder"), each.get("session"))]
-    for begun in (each for each in told if each.kind == "session" and each.get("checks")):
+    own_entries = [each for each in entries if session.name in (each.get("folder"), each.get("session"))]
+    for begun in (each for each in own_entries if each.kind == "session" and each.get("checks")):
         recorded = check_results(session.path)
         for each in begun.get("checks"):
             results = recorded.get(str(each.get("id")), frozenset()) if isinstance(each, dict) else frozenset()
@@ -364,7 +364,7 @@ def _check_told(session: StudySession, entries: Sequence[LogEntry], diagnostics:
                     f"{JOURNAL} says {' and '.join(sorted(results))}"
                 )
                 diagnostics.warning("other-result", SourceLocation(LOG_FILE, begun.line), message)
-    outcome = next((each for each in told if each.kind == "outcome"), None)
+    outcome = next((each for each in own_entries if each.kind == "outcome"), None)
     seconds = outcome.get("seconds") if outcome is not None else None
     if outcome is not None and isinstance(seconds, float | int) and seconds:
         end = read_verdict(session.path).seconds

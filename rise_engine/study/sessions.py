@@ -102,15 +102,15 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         except SessionError as error:  # then only the log can describe it
             unreadable[path.name] = f"cannot be read: {error}"
             continue
-        told = about.get(path.name, ())
+        entries = about.get(path.name, ())
         is_running = is_locked(path / JOURNAL)
         if info.study != study_id and path.name not in logged:
             passed_over.add(path.name)
         elif is_running or has_begun(path):
             session = _from_folder(path, info, outcomes.get(path.name, ()), running=is_running)
-            session = replace(session, differences=tuple(session_differences(path, told)))
+            session = replace(session, differences=tuple(session_differences(path, entries)))
             found[path.name] = _reassign(session, moved.get(path.name))
-        elif _nothing_happened(path, told):
+        elif _nothing_happened(path, entries):
             passed_over.add(path.name)
         elif path.name in logged:
             unreadable[path.name] = NO_JOURNAL
@@ -146,13 +146,13 @@ def _timestamp(started: str) -> float:
         return 0.0
 
 
-def _nothing_happened(path: Path, told: Iterable[LogEntry]) -> bool:
+def _nothing_happened(path: Path, entries: Iterable[LogEntry]) -> bool:
     """Whether the engine was killed before any input. Then no time was noted, and the log has at most the session's
     start.
 
-    :param told: the log's entries about the session.
+    :param entries: the log's entries about the session.
     """
-    kinds = {each.kind for each in told}
+    kinds = {each.kind for each in entries}
     return kinds <= {"session"} and (not kinds or (path / JOURNAL).is_file()) and read_clock(path) < 1
 
 
@@ -241,20 +241,20 @@ def missing_entries(
             continue
         verdict = read_verdict(session.path)
         report = verdict.report
-        told = read_checks(session.path, after) if after else {}
+        checks = read_checks(session.path, after) if after else {}
         made = {_text(each, "id") for each in log if each.kind == "checked" and each.get("session") == session.name}
         missing += [
             MissingEntry(
                 "checked",
                 {
-                    **checked_fields(told[id], "after", entry.purpose),
+                    **checked_fields(checks[id], "after", entry.purpose),
                     "participant": entry.participant,
                     "run": entry.run,
                     "session": entry.folder,
                 },
             )
             for id in after
-            if id in told.keys() - made
+            if id in checks.keys() - made
         ]
         if report is None and session.abandoned and entry.status == "unfinished":
             report = OutcomeReport(status="aborted", reason=GIVEN_UP)

@@ -106,9 +106,9 @@ def owner_of(folder: Path) -> str:
     except SessionError:
         pass
     for line in _readable_lines(folder):
-        said = line.input if isinstance(line, InputLine) else line
-        if isinstance(said, SessionRecord | SessionStarted):
-            return said.participant
+        content = line.input if isinstance(line, InputLine) else line
+        if isinstance(content, SessionRecord | SessionStarted):
+            return content.participant
     parts = folder.name.split("_")
     return parts[2] if len(parts) >= 5 else ""
 
@@ -202,8 +202,8 @@ def _recorded_in(folder: Path, changed: int) -> tuple[str, ...]:
     """Read the recordings in a journal. Cached while the journal is unchanged."""
     found: dict[str, None] = {}
     for line in _readable_lines(folder):
-        said = line.input if isinstance(line, InputLine) else line
-        if isinstance(said, RecordingReport | RecordingRecord) and (path := said.path):
+        content = line.input if isinstance(line, InputLine) else line
+        if isinstance(content, RecordingReport | RecordingRecord) and (path := content.path):
             found[os.path.normpath((folder / os.path.expanduser(path)).absolute())] = None  # noqa: PTH111
     return tuple(found)
 

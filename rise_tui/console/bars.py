@@ -131,7 +131,7 @@ class ConsoleBars:
         if store.input_mode == "LOCKED":
             self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
         elif isinstance(focused, SpeechField):
-            self.key_hints.draw_saying(store, self.speech_input.effect, why_blocked(store, "start"))
+            self.key_hints.draw_speech_hints(store, self.speech_input.effect, why_blocked(store, "start"))
         elif isinstance(focused, Input):
             self.key_hints.draw_typing(store, "add the note" if isinstance(focused, NoteLine) else "take")
         else:

@@ -98,9 +98,9 @@ def plan_lines(
 
 def _recorder_lines(plan: SessionPreview) -> list[StyledLine]:
     """The recorders of the session, and why the study's own do not record it; nothing for a study without recorders."""
-    told: list[StyledSpan] = [(text, "plain") for text in wrap(plan.recorders, TEXT) if text]
-    told += [(text, "wait") for text in wrap(plan.unrecorded, TEXT) if text]
-    return [_line("recorded by" if at == 0 else "", span) for at, span in enumerate(told)]
+    spans: list[StyledSpan] = [(text, "plain") for text in wrap(plan.recorders, TEXT) if text]
+    spans += [(text, "wait") for text in wrap(plan.unrecorded, TEXT) if text]
+    return [_line("recorded by" if at == 0 else "", span) for at, span in enumerate(spans)]
 
 
 def _line(label: str, *spans: StyledSpan) -> StyledLine:

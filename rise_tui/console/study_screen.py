@@ -229,13 +229,13 @@ class StudyScreen(Screen[None]):
         entry = self._running_entry()
         if self.busy:
             self._stop_pressed = True
-            self._tell(f"STOP will be sent as soon as possible: {self.busy}", "fault")
+            self._show_sentence(f"STOP will be sent as soon as possible: {self.busy}", "fault")
         elif entry is not None:
             self._stop_pressed = True
             self._close_dialogs()
             self._go_to(entry)
         else:
-            self._tell("nothing to stop: no session of this study is running here")
+            self._show_sentence("nothing to stop: no session of this study is running here")
 
     def _running_entry(self) -> SessionEntry | None:
         """The study's running session, as far as known."""
@@ -245,7 +245,7 @@ class StudyScreen(Screen[None]):
         counted = next((open_entry(each) for each in running_people(standing)), None)
         return counted or running_rehearsal(standing)
 
-    def _tell(self, sentence: str, level: Level = "info") -> None:
+    def _show_sentence(self, sentence: str, level: Level = "info") -> None:
         self.say(sentence, level)
         if isinstance(self.app.screen, ChecksScreen):
             self.app.screen.say(sentence)
@@ -260,7 +260,7 @@ class StudyScreen(Screen[None]):
         """Do the next step for the participant under the cursor."""
         each = self.lists.selected
         if each is None:
-            self._say_nobody()
+            self._refuse_start()
             return
         if self.lists.people.was_just_displaced:
             self.say("the list has just changed; press again")
@@ -280,7 +280,7 @@ class StudyScreen(Screen[None]):
         else:
             self._named(lambda: self._prepare(SessionRequest(each.participant)))
 
-    def _say_nobody(self) -> None:
+    def _refuse_start(self) -> None:
         why = "the study does not load" if self.loaded.standing is None else "no participant is selected"
         self.say(f"nothing can be started: {why}", "wait")
 
@@ -288,7 +288,7 @@ class StudyScreen(Screen[None]):
         """Begin a session that does not count with the participant under the cursor."""
         each, study = self.lists.selected, self.loaded.study
         if each is None or study is None:
-            self._say_nobody()
+            self._refuse_start()
             return
 
         def go_on(request: SessionRequest | None) -> None:
@@ -381,7 +381,7 @@ class StudyScreen(Screen[None]):
             else:
                 self._start(plan, checks)
 
-        maker = study_dialogs.StudyChecker(self.app, self._source, plan.context, self._tell)
+        maker = study_dialogs.StudyChecker(self.app, self._source, plan.context, self._show_sentence)
         study_dialogs.show_plan(self.app, plan, each, self.conditions, self.wizard, maker, begin)
 
     def _start(self, plan: SessionPreview, checks: tuple[CheckReport, ...]) -> None:
@@ -441,7 +441,7 @@ class StudyScreen(Screen[None]):
             ask(())
             return
         context = study_dialogs.context_afterwards(study, entry, self.wizard)
-        maker = study_dialogs.StudyChecker(self.app, self._source, context, self._tell)
+        maker = study_dialogs.StudyChecker(self.app, self._source, context, self._show_sentence)
         study_dialogs.show_checks_after(self.app, entry, after, maker, self.wizard, ask)
 
     def _judge(self, entry: SessionEntry, given: Outcome | None) -> None:

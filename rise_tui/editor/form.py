@@ -53,7 +53,7 @@ class FieldList(Vertical):
         super().__init__(id=id)
         self.rows = RowList()
         self.input = TextField(select_on_focus=False, suggester=EndingSuggester(self._ending))
-        self._said = StaticLines(id="said")
+        self._remarks = StaticLines(id="said")
         self._page = page
         self._fields: dict[str, EditField] = {}
         self._typing: EditField | None = None
@@ -63,7 +63,7 @@ class FieldList(Vertical):
 
     def compose(self) -> ComposeResult:
         yield self.rows
-        yield self._said
+        yield self._remarks
         yield self.input
 
     @property
@@ -82,7 +82,7 @@ class FieldList(Vertical):
     @property
     def text(self) -> str:
         """The characters of all rows and of the lines below."""
-        return f"{self.rows.text}\n{self._said.text}"
+        return f"{self.rows.text}\n{self._remarks.text}"
 
     # --- drawing ------------------------------------------------------------------------------------------------------
 
@@ -104,19 +104,19 @@ class FieldList(Vertical):
             self._place_input()  # a field can open before the form has its width
         elif self._typing is not None:
             self.close()
-        self._draw_said()
+        self._draw_remarks()
 
     def say(self, *notes: FieldNote) -> None:
         """Show remarks about the typed text."""
         self._notes = notes
-        self._draw_said()
+        self._draw_remarks()
 
-    def _draw_said(self) -> None:
+    def _draw_remarks(self) -> None:
         field = self._typing or self.current
         notes = self.notes_on(field) if field is not None else self._notes
-        width, height = max(20, self._said.size.width), max(2, self._said.size.height)
+        width, height = max(20, self._remarks.size.width), max(2, self._remarks.size.height)
         lines = note_lines(notes, width - 4, height)
-        self._said.show(*(crop((("   ", "plain"), *line), width) for line in lines))
+        self._remarks.show(*(crop((("   ", "plain"), *line), width) for line in lines))
 
     def notes_on(self, field: EditField) -> Sequence[FieldNote]:
         """Return the remarks about a field, the most important first."""
@@ -331,9 +331,9 @@ class FormPanel(FieldList):
         notes = [*self._found, *field.remarks, *info(field.note if is_text else "")]
         return notes or info("F2 lists the names" if is_text and field.choices else "")
 
-    def _say_found(self, *notes: FieldNote) -> None:
+    def _show_found(self, *notes: FieldNote) -> None:
         self._found = notes
-        self._draw_said()
+        self._draw_remarks()
 
     def _enter(self, id: str) -> None:
         """Put the cursor on a field. A text opens immediately; among options the cursor is on the chosen one."""
@@ -361,7 +361,7 @@ class FormPanel(FieldList):
             return
         self.form, self._notes, self._found = form.with_value(field, value), (), ()
         self._show_form()
-        self._page.preview(self._edits_so_far, self._say_found)
+        self._page.preview(self._edits_so_far, self._show_found)
 
     def _edits_so_far(self) -> tuple[AnyEdit, ...]:
         """Return the edits of the form; none while it is incomplete, because that is no error yet."""

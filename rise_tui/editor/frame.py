@@ -173,7 +173,7 @@ class StudyFrame(Screen[None]):
 
     async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
         change = await self.study.do("changing", lambda workspace: workspace.apply(*edits))
-        self._said(change)
+        self._report_change(change)
         self.draw()
         if then is not None:
             then()
@@ -196,21 +196,21 @@ class StudyFrame(Screen[None]):
         finally:
             self._works -= 1
 
-    def _said(self, change: Change, verb: str = "") -> None:
+    def _report_change(self, change: Change, verb: str = "") -> None:
         sentence = "; ".join((*change.says, *change.noticed))
         self.say(f"{verb}{sentence}", "wait" if change.noticed else "info")
 
     async def _undo(self) -> None:
-        self._say_step(await self.study.do("undoing", Workspace.undo), "taken back", "there is nothing to undo")
+        self._report_step(await self.study.do("undoing", Workspace.undo), "taken back", "there is nothing to undo")
 
     async def _redo(self) -> None:
-        self._say_step(await self.study.do("redoing", Workspace.redo), "made again", "nothing was taken back")
+        self._report_step(await self.study.do("redoing", Workspace.redo), "made again", "nothing was taken back")
 
-    def _say_step(self, change: Change | None, verb: str, nothing: str) -> None:
+    def _report_step(self, change: Change | None, verb: str, nothing: str) -> None:
         if change is None:
             self.say(nothing, "wait")
         else:
-            self._said(change, f"{verb}: ")
+            self._report_change(change, f"{verb}: ")
         self.draw()
 
     # --- exploring ---------------------------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ class StudyFrame(Screen[None]):
         dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
 
     async def _take_outside(self, files: Sequence[str]) -> None:
-        self._said(await self.study.do("changing", lambda workspace: workspace.take_outside(files)))
+        self._report_change(await self.study.do("changing", lambda workspace: workspace.take_outside(files)))
         self.draw()
 
     async def _offer_draft(self) -> None:

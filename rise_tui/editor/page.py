@@ -257,9 +257,9 @@ class FindingLine(StaticLines):
         """
         found = explored.about(*about)
         is_first = bool(draft.checked.errors) or any(each.location.file == file for each in draft.findings)
-        told = explored_line(explored, draft, found)
-        line = finding_line(draft, file) if is_first or not found else told
-        line = line or told
+        explored_text = explored_line(explored, draft, found)
+        line = finding_line(draft, file) if is_first or not found else explored_text
+        line = line or explored_text
         number = len(draft.checked.diagnostics) + len(explored.findings)
         if number < 2 and line_width(line) <= self.size.width:
             self.show(line)

@@ -24,7 +24,7 @@ from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 LABEL = 8
 """Cells before the typed text."""
-SAID, MIN_ROWS = 2, 3
+REMARK_ROWS, MIN_ROWS = 2, 3
 """Rows for the remarks below the field, and the list's minimum rows."""
 
 
@@ -103,7 +103,7 @@ class SentencePage(EditPage):
         self.head, self.rows, self.parting = StaticLines(id="head"), rows, StaticLines(id="parting")
         self.detail = RowList(id="detail")
         self.detail.can_focus = False
-        self.label, self.field, self.said = (
+        self.label, self.field, self.remarks = (
             StaticLines(id="label"),
             SentenceField(self, exact=exact),
             StaticLines(id="said"),
@@ -122,7 +122,7 @@ class SentencePage(EditPage):
         with Horizontal(id="typed"):
             yield self.label
             yield self.field
-        yield self.said
+        yield self.remarks
 
     @property
     def first_focus(self) -> Widget | None:
@@ -137,9 +137,9 @@ class SentencePage(EditPage):
         """Show these lines as high as they need, if there is room; never lower than usual while nothing is typed."""
         room = self.size.height - 3
         if self.is_typing:
-            half = max(2, (room - SAID) // 2)
+            half = max(2, (room - REMARK_ROWS) // 2)
             self.field.styles.max_height = half
-            height = min(len(lines), max(1, room - SAID - half))
+            height = min(len(lines), max(1, room - REMARK_ROWS - half))
         else:
             height = max(1, min(max(self.MIN_DETAIL, len(lines)), room - MIN_ROWS))
         if self.detail.styles.height is None or self.detail.styles.height.value != height:
@@ -158,7 +158,7 @@ class SentencePage(EditPage):
         """Show the item under the cursor, or the lines beside the typed text."""
 
     @abstractmethod
-    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+    def edits_typed(self, remarks: str) -> tuple[AnyEdit, ...]:
         """The edits for the typed text. :raises EditRefused: it has no meaning."""
 
     @abstractmethod
@@ -181,7 +181,7 @@ class SentencePage(EditPage):
         with self.field.prevent(TextArea.Changed):
             self.field.begin(text)
         self.field.focus()
-        self.say_typed()
+        self.show_remarks()
         self.draw_detail()
         self.frame.draw_bars()
 
@@ -193,10 +193,10 @@ class SentencePage(EditPage):
         self.draw_detail()
         self.frame.draw_bars()
 
-    def say_typed(self, *notes: FieldNote) -> None:
+    def show_remarks(self, *notes: FieldNote) -> None:
         """Show remarks about the typed text."""
-        lines = note_lines(notes, max(20, self.size.width - LABEL - 2), SAID)
-        self.said.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
+        lines = note_lines(notes, max(20, self.size.width - LABEL - 2), REMARK_ROWS)
+        self.remarks.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
 
     def take(self, typed: str, step: int) -> None:
         """Accept the typed text, and go on to the next text (1), the previous one (-1), or none (0)."""
@@ -205,7 +205,7 @@ class SentencePage(EditPage):
         try:
             edits = self.edits_typed(typed)
         except EditRefused as refused:
-            self.say_typed(FieldNote("error", clean(str(refused))))
+            self.show_remarks(FieldNote("error", clean(str(refused))))
             return
         step = self.step_over(step)
         self.close_field()
@@ -215,5 +215,5 @@ class SentencePage(EditPage):
     def _typed(self, event: TextArea.Changed) -> None:
         event.stop()
         if self.is_typing:
-            said = self.field.sentence
-            self.preview(lambda: self.edits_typed(said), self.say_typed)
+            remarks = self.field.sentence
+            self.preview(lambda: self.edits_typed(remarks), self.show_remarks)

@@ -219,11 +219,11 @@ class TablesPage(SentencePage):
             raise EditRefused(f"{problem}: e opens its file")
         self.open_field(self.row[1].columns[self.column], self.value)
 
-    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+    def edits_typed(self, typed: str) -> tuple[AnyEdit, ...]:
         if self.row is None:
             return ()
         row, table = self.row
-        return cell_edits(row.table, row.number, table.columns[self.column], self.value, said)
+        return cell_edits(row.table, row.number, table.columns[self.column], self.value, typed)
 
     def go_on(self, step: int, *, changed: bool) -> None:
         """Go to the next column; after the last one, to the first of the next row."""

@@ -266,15 +266,15 @@ class TextsPage(SentencePage):
             original_edits(self.draft, entry, f"{entry.text.text} …")
         self._typing = entry
         name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL
-        self.open_field(name, entry.text.text if self.column == 0 else entry.said)
+        self.open_field(name, entry.text.text if self.column == 0 else entry.translated)
 
-    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+    def edits_typed(self, translated: str) -> tuple[AnyEdit, ...]:
         entry = self._typing
         if entry is None:
             return ()
         if self.column == 0:
-            return original_edits(self.draft, entry, said)
-        return translation_edits(entry, self.view.language, said)
+            return original_edits(self.draft, entry, translated)
+        return translation_edits(entry, self.view.language, translated)
 
     def step_over(self, step: int) -> int:
         """Find the next text now, because a changed text may no longer be among the shown ones."""

@@ -110,7 +110,7 @@ class ActText:
         self, action: Action, row: ActRow, begun: ActionView | None, columns: tuple[int, int], width: int
     ) -> StyledLine:
         state = action_state(begun)
-        after = ", ".join(action.wait_for if begun is None else row.untold)
+        after = ", ".join(action.wait_for if begun is None else row.undrawn)
         wide = width >= NARROW
         tail: StyledLine = ((f"after {after}  ", "muted"),) if after else ()
         reason = begun.reason if begun is not None else ""

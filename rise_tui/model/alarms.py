@@ -65,12 +65,12 @@ def broken_recorders_text(store: Store) -> str:
     """The recorders that do not record, since when and why; empty: all run. All names come before the first reason,
     which may be cut."""
     broken = broken_recorders(store)
-    told = ", ".join(f"{clean(each.name)} {each.status.upper()} at {format_clock(each.t)}" for each in broken)
+    failures = ", ".join(f"{clean(each.name)} {each.status.upper()} at {format_clock(each.t)}" for each in broken)
     if len(broken) == 1:
         reasons = clean(broken[0].reason)
     else:
         reasons = "; ".join(f"{clean(each.name)}: {clean(each.reason)}" for each in broken if each.reason)
-    return f"✗ not recorded: {told}" + (f": {reasons}" if reasons else "") if told else ""
+    return f"✗ not recorded: {failures}" + (f": {reasons}" if reasons else "") if failures else ""
 
 
 def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
@@ -167,8 +167,8 @@ def unrecorded_end_text(store: Store) -> str:
     if not store.end_unrecorded:
         return ""
     stop = store.journal_status.stop
-    told = f"; {stop.sentence}" if stop is not None else ""
-    return f"LOOK AT THE ROBOT: the session has ended, and the end of its record could not be written{told}"
+    stopped = f"; {stop.sentence}" if stop is not None else ""
+    return f"LOOK AT THE ROBOT: the session has ended, and the end of its record could not be written{stopped}"
 
 
 def _cut_alarm(store: Store, since: float) -> Alarm:

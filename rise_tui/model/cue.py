@@ -22,7 +22,7 @@ class CueClock(NamedTuple):
     marked: float
     answered: float | None = None
     """The time of the answer: the robot's voice, or the start of an act without speech; None: not yet."""
-    said: bool = True
+    has_spoken: bool = True
     """Whether that act has spoken. If not, `answered` is when it ended."""
     filled: float | None = None
     """When the latest filler started."""
@@ -101,7 +101,7 @@ def passed_text(since: float) -> str:
 def cue_line(cue: CueClock | None, now: float, *, short: bool = False) -> StyledLine:
     """`◔ cue 0.4 s`, later `◑ cue 1.4 s`, `● cue 2.3 s !`, and `✓ answered 1.3 s` or `✗ not said`; else empty."""
     if cue is not None and cue.answered is not None and now - cue.answered < ANSWERED_SECONDS:
-        if not cue.said:
+        if not cue.has_spoken:
             return (("✗ not said", "fault"),)
         took = f"{format_seconds(cue.answered - cue.marked)} s"
         return ((f"✓ {took}" if short else f"✓ answered {took}", "plain"),)

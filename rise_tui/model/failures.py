@@ -26,7 +26,7 @@ WIDE = 60
 """Minimum cells for naming the place of the rest."""
 
 
-class UnsaidText(NamedTuple):
+class UnspokenText(NamedTuple):
     """A text that the robot did not finish, as far as it reported."""
 
     text: str
@@ -54,10 +54,10 @@ def rule_of_question(store: Store, task: TaskView) -> str:
     return name if task.source.startswith("rule:") and store.rule(name).running else ""
 
 
-def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
+def unspoken_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnspokenText]:
     """The unspoken texts of a failed act, in its planned order."""
     actions = _actions_in_order(scenario, task)
-    return [unsaid for action in actions if (unsaid := _find_unsaid(scenario, action, task, memory)) is not None]
+    return [unspoken for action in actions if (unspoken := _find_unspoken(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
@@ -72,16 +72,20 @@ def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
     return actions_in_order(act) if act is not None else []
 
 
-def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]) -> UnsaidText | None:
+def _find_unspoken(
+    scenario: Scenario, action: Action, task: TaskView, memory: Mapping[str, Any]
+) -> UnspokenText | None:
     begun = task.actions.get(action.id)
     if begun is not None and begun.status == "succeeded":
         return None
     if begun is not None and _was_sent(begun):
         words = words_of(scenario, begun)
-        return UnsaidText(words, begun=True) if words is not None else None
+        return UnspokenText(words, begun=True) if words is not None else None
     messages = (message_of(scenario, call) for call in action.calls)
     first = next((message for message in messages if message is not None), None)
-    return UnsaidText(fill_known(first, memory), begun=False, variants=len(action.calls)) if first is not None else None
+    return (
+        UnspokenText(fill_known(first, memory), begun=False, variants=len(action.calls)) if first is not None else None
+    )
 
 
 def _was_sent(begun: ActionView) -> bool:
@@ -120,7 +124,7 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
     if len(reasons) > REASON_LINES:
         reasons = [*reasons[: REASON_LINES - 1], " ".join(reasons[REASON_LINES - 1 :])]
     shown += [crop(((f"   {reason}", "fault"),), width) for reason in reasons]
-    texts = list(_unsaid_lines(store, task, width))
+    texts = list(_unspoken_lines(store, task, width))
     room = max(1, most - len(shown) - 1)
     if len(texts) > room:
         texts = [*texts[: room - 1], _mark_cut(texts[room - 1], width)]
@@ -143,14 +147,14 @@ def _mark_cut(line: StyledLine, width: int) -> StyledLine:
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
-def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
+def _unspoken_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
     """The unspoken texts, word for word, each on the lines that it needs."""
     scenario = store.scenario
-    unsaid = unsaid_texts(scenario, task, store.memory)
-    if not unsaid:
+    unspoken = unspoken_texts(scenario, task, store.memory)
+    if not unspoken:
         remark = "all of its words were said" if has_speech(scenario, task) else "it has nothing to say"
         yield ((f"   {remark}", "plain"),)
-    for text, begun, variants in unsaid:
+    for text, begun, variants in unspoken:
         label = "perhaps begun" if begun else "not said"
         label = f"one of {variants}" if variants > 1 else label
         for at, piece in enumerate(wrap(f"“{text}”", max(10, width - LABEL - 2))):

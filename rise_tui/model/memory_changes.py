@@ -72,7 +72,7 @@ class UndoStep(Struct, frozen=True):
     """The effect of one press of undo."""
 
     kind: Literal["do", "ask", "nothing"]
-    said: str
+    notice: str
     function: str = ""
     behavior: str = ""
 
@@ -125,8 +125,8 @@ class UndoStack:
                 return UndoStep("nothing", f"{change.key} is already gone")
             return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
         former = "deleted" if change.deleted else format_value(change.value)
-        said = f"undoing: {change.key} is {format_value(change.old)} again, was {former}"
-        return UndoStep("do", said, "assignValue", json.dumps({change.key: change.old}, ensure_ascii=False))
+        notice = f"undoing: {change.key} is {format_value(change.old)} again, was {former}"
+        return UndoStep("do", notice, "assignValue", json.dumps({change.key: change.old}, ensure_ascii=False))
 
 
 def _restores(record: MemoryRecord, change: MemoryRecord) -> bool:

@@ -115,7 +115,7 @@ class SentenceTracker:
         ]
         if running:
             action = max(running, key=lambda each: (each.status == "accepted", each.since))
-            elapsed, usual = max(0.0, at - _said_since(action)), self.usual_seconds(action)
+            elapsed, usual = max(0.0, at - _spoken_since(action)), self.usual_seconds(action)
             left = None if usual is None else usual - elapsed
             share = min(1.0, elapsed / usual) if usual else 0.0
             kind: Kind = "says" if action.status == "accepted" else "sent"
@@ -128,7 +128,7 @@ class SentenceTracker:
             return CurrentSentence("said", self._words_of(ended), at - (ended.ended if ended.ended is not None else at))
         unsaid = [action for action in self._sentences_of(task) if action.status != "succeeded"]
         first = unsaid[0]
-        after = first.ended - _said_since(first) if first.status != "skipped" and first.ended is not None else None
+        after = first.ended - _spoken_since(first) if first.status != "skipped" and first.ended is not None else None
         ending: Kind = "unknown" if first.status in UNKNOWN else "unsaid"
         return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
@@ -150,7 +150,7 @@ class SentenceTracker:
     def _measure(self, action: ActionView) -> None:
         if action.ended is None:
             return
-        took = action.ended - _said_since(action)
+        took = action.ended - _spoken_since(action)
         mean, times = self._durations.get(self._words_of(action), (0.0, 0))
         self._durations[self._words_of(action)] = mean + (took - mean) / (times + 1), times + 1
         if (estimate := estimate_action_seconds(self._scenario, action)) is not None:
@@ -158,7 +158,7 @@ class SentenceTracker:
             self._measured += took
 
 
-def _said_since(action: ActionView) -> float:
+def _spoken_since(action: ActionView) -> float:
     """Since when a sentence has been spoken: since the robot's confirmation, if that came before the end."""
     confirmed = action.confirmed
     return action.since if confirmed is None or confirmed == action.ended else confirmed
@@ -178,23 +178,23 @@ def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[s
 
 def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
     """One sentence with all its variants; empty: an action without speech."""
-    said = (message_of(scenario, call) for call in action.calls)
-    return " / ".join(_fill_or_quote(words, memory) for words in said if words is not None)
+    messages = (message_of(scenario, call) for call in action.calls)
+    return " / ".join(_fill_or_quote(words, memory) for words in messages if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
     """The longest sentence of all acts, with these values."""
     calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
-    said = (message_of(scenario, call) for call in calls)
-    return max((_fill_or_quote(words, memory) for words in said if words is not None), key=len, default="")
+    messages = (message_of(scenario, call) for call in calls)
+    return max((_fill_or_quote(words, memory) for words in messages if words is not None), key=len, default="")
 
 
-def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
+def _fill_or_quote(template: Template, memory: Mapping[str, Any]) -> str:
     """The text with the memory's values; as written if a value is missing."""
     try:
-        return plain_words(said.fill(memory).strip())
+        return plain_words(template.fill(memory).strip())
     except (MissingValueError, OverflowError, RecursionError):
-        return plain_words(said.text.strip())
+        return plain_words(template.text.strip())
 
 
 KEPT = 200
@@ -216,39 +216,39 @@ def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
 class SpeechHistory:
     """The spoken sentences, newest last, and the wizard's position among them."""
 
-    def __init__(self, said: Iterable[str] = ()) -> None:
-        self.said: list[str] = []
+    def __init__(self, sentences: Iterable[str] = ()) -> None:
+        self.sentences: list[str] = []
         self._at = 0
         self._draft = ""
-        for text in said:
+        for text in sentences:
             self.add(text)
 
     def add(self, text: str) -> None:
         """Add a spoken sentence and leave the history."""
-        if text in self.said:
-            self.said.remove(text)
-        self.said = [*self.said, text][-KEPT:]
-        self._at = len(self.said)
+        if text in self.sentences:
+            self.sentences.remove(text)
+        self.sentences = [*self.sentences, text][-KEPT:]
+        self._at = len(self.sentences)
 
     def earlier(self, shown: str) -> str:
         """The sentence before the shown one. The typed text stays at the end."""
-        if self._at == len(self.said):
+        if self._at == len(self.sentences):
             self._draft = shown
         self._at = max(0, self._at - 1)
-        return self.said[self._at] if self.said else shown
+        return self.sentences[self._at] if self.sentences else shown
 
     def later(self, shown: str) -> str:
         """The sentence after the shown one; at the end, the typed text."""
-        if self._at == len(self.said):
+        if self._at == len(self.sentences):
             return shown
         self._at += 1
-        return self.said[self._at] if self._at < len(self.said) else self._draft
+        return self.sentences[self._at] if self._at < len(self.sentences) else self._draft
 
 
-def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], keys: Iterable[str]) -> str:
+def complete_speech(typed: str, history: Sequence[str], scenario: Sequence[str], keys: Iterable[str]) -> str:
     """Return a likely completion of the typed text, from its beginning; empty: nothing fits.
 
-    `said` comes before the scenario's sentences, the newest first. After a `{` the completion is a memory key.
+    `history` comes before the scenario's sentences, the newest first. After a `{` the completion is a memory key.
     """
     opened = typed.rfind("{")
     if opened > typed.rfind("}"):
@@ -260,7 +260,7 @@ def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], ke
     if not typed.strip():
         return ""
     wanted = typed.casefold()
-    for sentence in (*reversed(said), *scenario):
+    for sentence in (*reversed(history), *scenario):
         if len(sentence) > len(typed) and sentence.casefold().startswith(wanted):
             return typed + sentence[len(typed) :]
     return ""

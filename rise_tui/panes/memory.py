@@ -220,7 +220,7 @@ class MemoryPane(ListPane):
         if step.kind == "do" and any(sent.behavior == step.behavior for sent in self.store.sent.values()):
             self.host.show_notice("the last undo is still on its way")
             return
-        self.host.show_notice(step.said)
+        self.host.show_notice(step.notice)
         if step.kind == "do":
             self.host.send(step.function, step.behavior)
 

@@ -130,7 +130,7 @@ class KeyHints(StaticLines):
         )
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
 
-    def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
+    def draw_speech_hints(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
         """Draw the hints for free speech: the effect of each of its two keys."""
         room = max(12, (self.size.width - 44) // 2)
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
@@ -331,8 +331,8 @@ def _control_line(store: Store) -> StyledLine:
     if store.attach_reply.replay:
         return ()
     if store.view.waits_for_wizard:
-        said = f" recovered: nothing begins until somebody takes control: {key_text('control')} "
-        return ((said, "call"),)
+        text = f" recovered: nothing begins until somebody takes control: {key_text('control')} "
+        return ((text, "call"),)
     if store.control_lost is not None and not store.has_control:
         return ((f" {control_lost_text(store.control_lost, key_text('control'))} ", "call"),)
     if store.asker is not None:
@@ -342,13 +342,13 @@ def _control_line(store: Store) -> StyledLine:
 
 def _recorders_line(store: Store, width: int) -> StyledLine:
     """Broken recorders, in red over the whole row."""
-    said = broken_recorders_text(store)
-    return ((f" {said} " + " " * (width - cell_len(said) - 2), "alarm"),) if said else ()
+    text = broken_recorders_text(store)
+    return ((f" {text} " + " " * (width - cell_len(text) - 2), "alarm"),) if text else ()
 
 
 def _degraded_line(store: Store) -> StyledLine:
-    said = degraded_text(store)
-    return ((f" {said} ", "wait"),) if said else ()
+    text = degraded_text(store)
+    return ((f" {text} ", "wait"),) if text else ()
 
 
 class FailureBar(StoreLines):

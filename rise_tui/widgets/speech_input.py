@@ -32,7 +32,7 @@ from rise_tui.widgets.lines import StaticLines
 DONE_SECONDS = 5.0
 """Seconds for which the line shows that something was spoken."""
 PROMPT = " say > "
-SAID = StateLabel("✓", "said", "plain")
+SPOKEN = StateLabel("✓", "said", "plain")
 
 
 class SpeechField(TextField):
@@ -139,7 +139,7 @@ class SpeechInput(Vertical):
 
     def suggest(self, typed: str) -> str:
         """A likely completion of the typed text."""
-        return complete_speech(typed, self.history.said, self._sentences, self._store.view.memory)
+        return complete_speech(typed, self.history.sentences, self._sentences, self._store.view.memory)
 
     def ending(self, typed: str) -> str:
         """The rest of that completion."""
@@ -190,7 +190,7 @@ class SpeechInput(Vertical):
             return _state_line(SENT, "", sent.behavior)
         task = store.view.tasks.get(store.newest_speech)
         if task is not None and (task.ended is None or store.now() - task.ended < DONE_SECONDS):
-            state = SAID if task.status == "SUCCEEDED" else task_state(task)
+            state = SPOKEN if task.status == "SUCCEEDED" else task_state(task)
             running = task.status == "ACTIVE" and task.started is not None
             return _state_line(
                 state, f" {format_seconds(store.now() - (task.started or 0.0))} s" if running else "", task.behavior

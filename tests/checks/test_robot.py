@@ -13,7 +13,7 @@ from rise_engine.checks.devices import (
     ANSWER_SECONDS,
     WORD_SECONDS,
     check_robot,
-    say_word,
+    check_sound,
     word_for,
 )
 from rise_engine.checks.outcome import Finding
@@ -108,12 +108,12 @@ async def test_a_driver_that_is_not_there_or_wants_other_options(tmp_path: Path)
 async def test_a_simulated_robot_passes_in_debug_and_says_so(tmp_path: Path) -> None:
     request = replace(scenario(tmp_path), mode="debug")
     assert await check_robot(request) == Finding(True, "simulated Lamp: nothing leaves this machine")
-    assert await say_word(request) == Finding(True, "the robot is simulated: there is nothing to hear")
+    assert await check_sound(request) == Finding(True, "the robot is simulated: there is nothing to hear")
 
 
 async def test_a_simulated_robot_fails_when_it_is_to_be_real(tmp_path: Path) -> None:
     request = scenario(tmp_path, profile=f'title = "Lamp"\n{ACTIONS}')
-    for look in (check_robot, say_word):
+    for look in (check_robot, check_sound):
         found = await look(request)
         assert found == Finding(
             False,
@@ -148,7 +148,7 @@ def test_what_the_scenario_does_not_use_need_not_be_there(tmp_path: Path) -> Non
 async def test_a_word_is_said_and_somebody_is_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kind = use(monkeypatch)
     request = scenario(tmp_path, 'language = "de-AT"\n')
-    assert await say_word(request) == Finding(
+    assert await check_sound(request) == Finding(
         True, "the robot said “Hallo”", question="The robot said “Hallo”, and it was heard"
     )
     assert kind.made.said == "Hallo" and kind.made.closed
@@ -159,7 +159,7 @@ async def test_a_word_is_said_and_somebody_is_asked(tmp_path: Path, monkeypatch:
 
 async def test_a_word_that_fails_is_nobodys_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, ending="failed", reason="no loudspeaker")
-    found = await say_word(scenario(tmp_path))
+    found = await check_sound(scenario(tmp_path))
     assert not found.passed and not found.question
     assert found.reason.startswith("the robot could not say “Hello”: ") and "no loudspeaker" in found.reason
 
@@ -167,7 +167,7 @@ async def test_a_word_that_fails_is_nobodys_question(tmp_path: Path, monkeypatch
 async def test_a_word_that_does_not_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     profile = 'title = "Lamp"\ndriver = "lamp"\n[actions.LookAt]\n[actions.Speech]\nlimit = 600\n'
     kind = use(monkeypatch, ending=None)
-    found = await say_word(scenario(tmp_path, profile=profile))
+    found = await check_sound(scenario(tmp_path, profile=profile))
     assert found.reason == f"the robot did not come to the end of “Hello” within {WORD_SECONDS:g} s"
     assert kind.made.closed
 
@@ -178,7 +178,7 @@ async def test_a_robot_without_a_voice(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "scenario" / "acts" / "greet.xml").unlink()
     (tmp_path / "scenario" / "acts" / "chat.xml").unlink()
     (tmp_path / "scenario" / "rules" / "rules.xml").unlink()
-    assert await say_word(request) == Finding(False, reason="lamp cannot speak")
+    assert await check_sound(request) == Finding(False, reason="lamp cannot speak")
 
 
 def test_the_word_is_of_the_scenarios_language() -> None:

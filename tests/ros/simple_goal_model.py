@@ -307,7 +307,7 @@ class World:
         """What decides what can come of it. Of the programs only their order counts, not their numbers."""
         (endpoint,) = self.robot._endpoints
         listeners = getattr(endpoint, "_listeners", None) or Listeners(self.clock.now)
-        groups = (listeners.present, listeners._ordered, listeners._told, listeners._away)
+        groups = (listeners.present, listeners._ordered, listeners._reset_at, listeners._away)
         numbers = {program: n for n, program in enumerate(sorted(self._programs_in(groups)))}
         programs = [(numbers[each.transport.program], each) for each in self.programs]
         return repr((

@@ -780,7 +780,7 @@ def test_a_bundle_does_not_name_the_former_participant_who_has_withdrawn(
     folder = next(each for each in sessions_of(tmp_path / "bundle") if "P04" in each.name)
     facts = read_session(folder).facts
     assert (facts.participant, facts.run_as, facts.outcome) == ("P04", "withdrawn", "aborted")
-    assert not [each for each in report.look_at if "reproduce" in each]
+    assert not [each for each in report.to_check if "reproduce" in each]
 
 
 def test_a_session_that_is_reassigned_and_back_is_told_so(moved: Path, study: Path) -> None:

@@ -61,15 +61,15 @@ class FfmpegRecorder:
         """Check that the program exists; returns its version."""
         self.plan = plan
         version = RecordingProgram(self.program)
-        said: list[str] = []
-        await version.start([self.program, "-hide_banner", "-version"], said.append)
+        lines: list[str] = []
+        await version.start([self.program, "-hide_banner", "-version"], lines.append)
         try:
             await version.gone.wait()
         finally:
             version.close()
-        if not said:
+        if not lines:
             raise RecorderError(version.ending())
-        return " ".join(said[0].split()[:3])
+        return " ".join(lines[0].split()[:3])
 
     async def start(self) -> str:
         """Record into a new file."""

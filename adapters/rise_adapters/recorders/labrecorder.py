@@ -133,8 +133,8 @@ class LabRecorder:
                 except (OSError, asyncio.IncompleteReadError):
                     raise RecorderError(f"LabRecorder cut the connection ({word})") from None
                 if answer != b"OK":
-                    said = clean(answer.decode("utf-8", "replace"))
-                    raise RecorderError(f"the program at {self.host}:{self.port} is not LabRecorder: {said!r}")
+                    answered = clean(answer.decode("utf-8", "replace"))
+                    raise RecorderError(f"the program at {self.host}:{self.port} is not LabRecorder: {answered!r}")
         finally:
             writer.close()
             with suppress(OSError, TimeoutError):

@@ -256,8 +256,8 @@ def _refusal(request: str, answer: dict[str, Any]) -> str:
     code = _whole(status.get("code")) or 0
     if request == "StartRecord" and code == _OUTPUT_RUNNING:
         return "OBS is already recording: stop that first, so that no other recording goes on"
-    said = clean(_text(status.get("comment")))
-    return f"OBS refused {request} (code {code})" + (said and f": {said}")
+    comment = clean(_text(status.get("comment")))
+    return f"OBS refused {request} (code {code})" + (comment and f": {comment}")
 
 
 def _table(value: object) -> dict[str, Any]:

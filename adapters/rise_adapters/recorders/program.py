@@ -105,14 +105,14 @@ class RecordingProgram:
     def ending(self) -> str:
         """Describe its end in a sentence, with its last line."""
         status = self.process.returncode if self.process is not None else None
-        said = self.lines[-1] if self.lines else ""
+        last = self.lines[-1] if self.lines else ""
         how = f"{self.name} has ended"
         if status is not None and status < 0:
             with suppress(ValueError):
                 how = f"{signal.Signals(-status).name} ended {self.name}"
         elif status:
             how = f"{self.name} ended with exit status {status}"
-        return f"{how}: {said}" if said else how
+        return f"{how}: {last}" if last else how
 
     async def end(self) -> bool:
         """Ask it to end, then force it; takes four seconds at most. Returns whether it ended without force."""

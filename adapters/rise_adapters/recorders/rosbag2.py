@@ -91,8 +91,8 @@ class BagByProgram:
         """Check that the program exists."""
         self.plan = plan
         trial = RecordingProgram(f"{self.program} bag record")
-        said: list[str] = []
-        await trial.start([self.program, "bag", "record", "--help"], said.append)
+        lines: list[str] = []
+        await trial.start([self.program, "bag", "record", "--help"], lines.append)
         try:
             await trial.gone.wait()
         finally:
@@ -164,9 +164,9 @@ class BagOverServices:
         answer = await self._call("record", "Record", {"uri": str(path)})
         if answer.get("return_code"):
             self._is_ours = False
-            said = clean(str(answer.get("error_string", "")))
+            reason = clean(str(answer.get("error_string", "")))
             raise RecorderError(
-                f"{self.node} refused to record (code {answer['return_code']})" + (said and f": {said}")
+                f"{self.node} refused to record (code {answer['return_code']})" + (reason and f": {reason}")
             )
         await self._call("resume", "Resume")
         if (await self._call("is_paused", "IsPaused")).get("paused"):

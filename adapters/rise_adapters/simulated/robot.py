@@ -240,10 +240,12 @@ class SimulatedRobot:
         busy = {part for goal in self._goals.values() if goal.begun for part in self._parts.get(goal.type, ())}
         silent = parts if self._links_down else busy
         by_reset = (its for action, its in self._parts.items() if "reset" in self._profile.actions[action].carrier)
-        told = set().union(*by_reset) - silent
+        unanswered = set().union(*by_reset) - silent
         answer = StopReport(
-            confirmed=tuple(sorted(parts - silent - told)),
-            unconfirmed=tuple(sorted([*silent, *(f"{part} (told to stop; a topic gives no answer)" for part in told)])),
+            confirmed=tuple(sorted(parts - silent - unanswered)),
+            unconfirmed=tuple(
+                sorted([*silent, *(f"{part} (told to stop; a topic gives no answer)" for part in unanswered)])
+            ),
             unstoppable=self._parts_without_stop(),
         )
         self._stop_report = answer if silent else None

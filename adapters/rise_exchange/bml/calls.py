@@ -16,7 +16,7 @@ from rise_exchange.bml.names import FORM, NAME, NO_ACTION, TIME, BmlNames, Conve
 from rise_exchange.bml.timing import BlockTimes, PlannedBehavior
 from rise_exchange.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, DRAFT_NAMESPACES, MARKS, PROSODY, SSML_TYPE
 
-_UNSAID = {
+_NO_COUNTERPART = {
     "amount": "how strongly it is done is the robot's choice",
     "overshoot": "how strongly it is done is the robot's choice",
     "influence": "with what it turns is the robot's choice",
@@ -147,7 +147,7 @@ class CallReader:
         hand = next((hand for hand, each in MODES.items() if each == mode), None)
         if hand is not None:
             parameters["hand"] = _literal(hand)
-        self._lose_unsaid(element, () if hand is not None else ("mode",))
+        self._report_no_counterpart(element, () if hand is not None else ("mode",))
         if not self._has_action(element, type) or not self._add_duration(behavior, parameters):
             return None
         target = element.get("target")
@@ -206,7 +206,7 @@ class CallReader:
             number = "several" if parts else "no"
             self._error(NO_ACTION, element, f"`<{element.tag}>` with {number} `<{wanted}>`: an action is one of them")
             return None
-        self._lose_unsaid(element, ("amount",))
+        self._report_no_counterpart(element, ("amount",))
         return self._by_lexeme(behavior, kind, parts[0])
 
     def _by_lexeme(
@@ -216,7 +216,7 @@ class CallReader:
         lexeme = holder.get(attribute)
         if lexeme is None:
             return None  # BML requires it, so it was reported
-        self._lose_unsaid(holder, ())
+        self._report_no_counterpart(holder, ())
         found = self._names.find_lexeme(kind, lexeme)
         if found is None:
             location = holder.value_location(attribute)
@@ -275,9 +275,9 @@ class CallReader:
             elif not child.is_bml and not child.is_own and element.tag != "speech":
                 self._findings.lose(child.location, f"`<{child.written.tag}>`: its meaning is unknown here")
 
-    def _lose_unsaid(self, element: BmlElement, more: tuple[str, ...]) -> None:
+    def _report_no_counterpart(self, element: BmlElement, more: tuple[str, ...]) -> None:
         """Report attributes without a counterpart in acts."""
-        for name, becomes in _UNSAID.items():
+        for name, becomes in _NO_COUNTERPART.items():
             if name in element.attributes and (name != "mode" or element.tag == "gesture" or name in more):
                 self._lose(element, name, becomes)
 

@@ -78,7 +78,7 @@ def to_bml(folder: str, acts: tuple[str, ...], output: str | None, names_file: s
         )
         for name in wanted
     }
-    _tell_findings(findings, strict=strict)
+    _print_findings(findings, strict=strict)
     if output is None:
         write_xml(blocks[wanted[0]].rstrip("\n"))
         return
@@ -154,7 +154,7 @@ def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict
     findings = ConversionFindings()
     names = _read_names_option(names_file, scenario.robot, findings)
     acts = _read_acts(files, path, scenario, names, findings)
-    _tell_findings(findings, strict=strict)
+    _print_findings(findings, strict=strict)
     after = _files(path, acts)
     try:
         sound_scenario(load(path, held=after))  # otherwise the act does not fit this scenario
@@ -231,7 +231,7 @@ def _read_names_option(file: str | None, robot: RobotProfile, findings: Conversi
     return BmlNames(robot) if source is None else read_names(source, robot, findings.diagnostics)
 
 
-def _tell_findings(findings: ConversionFindings, *, strict: bool) -> None:
+def _print_findings(findings: ConversionFindings, *, strict: bool) -> None:
     """Report why the conversion is refused and what it loses. Ends the command if it is refused."""
     found = [*findings.diagnostics.sorted(), *findings.losses]
     errors, losses = findings.diagnostics.errors, len(findings.losses)

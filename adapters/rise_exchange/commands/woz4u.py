@@ -44,7 +44,7 @@ def woz4u(file: str, output: str, title: str | None) -> None:
     if diagnostics.errors:
         raise Refused(findings=diagnostics.sorted())
     pepper = load(folder, held={"scenario.toml": b'robot = "pepper"'}).robot
-    study = make_study(title or path.stem, read, pepper, lambda name: _said_file(path.parent, name))
+    study = make_study(title or path.stem, read, pepper, lambda name: _read_text_file(path.parent, name))
     loaded = load(folder, held={name: text.encode() for name, text in study.files.items()})
     if loaded.scenario is None:  # an item's text is not valid
         raise Refused(findings=loaded.errors)
@@ -65,7 +65,7 @@ def _read(path: Path) -> str:
         raise ExchangeError(f"{path} is not UTF-8; save it as that") from None
 
 
-def _said_file(folder: Path, name: str) -> str | None:
+def _read_text_file(folder: Path, name: str) -> str | None:
     """A text file beside the configuration, never one outside its folder."""
     path = folder / name
     if why_not_read(folder, name) or not path.is_file() or path.stat().st_size > _LARGEST:

@@ -33,10 +33,10 @@ from rise_exchange.scxml.translation import (
     Kind,
     Knowledge,
     Possible,
-    Said,
+    TranslatedValue,
     known_constant,
-    say_condition,
-    say_value,
+    translate_condition,
+    translate_value,
     value_beforehand,
 )
 
@@ -216,20 +216,22 @@ class ContentTranslator:
         if constant is not None and constant.kinds == {"list"}:
             return (), {**known, name: constant}  # read only by a `<foreach>`
         try:
-            said = say_value(node.value.root, known)
+            translated = translate_value(node.value.root, known)
         except ChartRefusedError as error:
             if error.code == UNDECLARED:
                 return None, known
             self.report(error.code, node.value.location, str(error))
             return (), {**known, name: REFUSED}
-        if "list" in said.value.kinds:
+        if "list" in translated.value.kinds:
             message = "this may be a list or something else; only lists that are written out can be taken over"
             self.report("list-arithmetic", node.value.location, message)
             return (), {**known, name: REFUSED}
         if self.is_refused_name(name, node.location):
             return (), {**known, name: REFUSED}
-        value = Possible(said.value.kinds, value_beforehand(node.value.root, known) if self.follows_values else None)
-        return (FunctionLine("assignValue", f"{name} = {said.text}"),), {**known, name: value}
+        value = Possible(
+            translated.value.kinds, value_beforehand(node.value.root, known) if self.follows_values else None
+        )
+        return (FunctionLine("assignValue", f"{name} = {translated.text}"),), {**known, name: value}
 
     def is_refused_name(self, name: str, location: SourceLocation) -> bool:
         """Whether our memory refuses this name of a variable. If so, it is reported."""
@@ -249,13 +251,13 @@ class ContentTranslator:
         array = known_constant(node.array.root, known)
         if array is None or array.kinds != {"list"}:
             try:
-                said = say_value(node.array.root, known)
+                translated = translate_value(node.array.root, known)
             except ChartRefusedError as error:
                 if error.code == UNDECLARED:
                     return "failed"
                 self.report(error.code, node.array.location, str(error))
                 return None
-            if not said.value.kinds & {"list", "refused"}:
+            if not translated.value.kinds & {"list", "refused"}:
                 return "failed"  # nothing to iterate over
             message = "this list is only known while the chart runs; only a list that never changes can be converted"
             self.report("list-arithmetic", node.array.location, message)
@@ -285,14 +287,14 @@ class ContentTranslator:
             if condition is None:
                 branches.append((None, inner))
                 break
-            said = self.condition(condition, known)
-            if said is None:  # it raises an error, and counts as false
+            translated = self.condition(condition, known)
+            if translated is None:  # it raises an error, and counts as false
                 if branches:
                     self.report("condition-error", condition.location, "this condition may fail; write two `<if>`s")
                 before.append(self.fail(ERROR))
-            elif said.truth is None:
-                branches.append((said.text, inner))
-            elif said.truth:
+            elif translated.truth is None:
+                branches.append((translated.text, inner))
+            elif translated.truth:
                 branches.append((None, inner))
                 break
         if not branches:
@@ -316,19 +318,19 @@ class ContentTranslator:
         lines = (*before, *((IfLines(tuple(written)),) if has_lines else ()))
         return lines, behind, all(ends for *_, ends in done), used_rest
 
-    def condition(self, script: Script, known: Knowledge) -> Said | None:
+    def condition(self, script: Script, known: Knowledge) -> TranslatedValue | None:
         """Translate a condition; None: evaluating it is certainly an error."""
         if script.root is None:
             return None
         try:
-            said = say_condition(script.root, known)
+            translated = translate_condition(script.root, known)
         except ChartRefusedError as error:
             if error.code == UNDECLARED:
                 return None
             self.report(error.code, script.location, str(error))
-            return Said("false", 8, REFUSED, None)
+            return TranslatedValue("false", 8, REFUSED, None)
         value = value_beforehand(script.root, known) if self.follows_values else None
-        return said if value is None else Said(said.text, 8, said.value, bool(value.value))
+        return translated if value is None else TranslatedValue(translated.text, 8, translated.value, bool(value.value))
 
 
 def pending_name(place: SendPlace) -> str:

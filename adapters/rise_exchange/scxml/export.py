@@ -93,14 +93,14 @@ class _Document:
 
     def _datamodel(self, states: list[str], helpers: list[str]) -> Iterator[str]:
         """The data that the states and helpers use."""
-        said, code = "\n".join(states), "\n".join((*states, *helpers))
+        content, code = "\n".join(states), "\n".join((*states, *helpers))
         data = {
             "seed": (text_code(str(self._seed)), "seed" in "".join(helpers)),
-            "picked": ("0", 'location="picked"' in said),
-            "delay": ("''", 'location="delay"' in said),
-            "held": ("[]", 'location="held"' in said),
-            "countdown": ("0", "begin(" in said),
-            "countdowns": ("[]", "begin(" in said),
+            "picked": ("0", 'location="picked"' in content),
+            "delay": ("''", 'location="delay"' in content),
+            "held": ("[]", 'location="held"' in content),
+            "countdown": ("0", "begin(" in content),
+            "countdowns": ("[]", "begin(" in content),
         }
         used = {name: value for name, (value, is_used) in data.items() if is_used}
         reads_memory = "memory" in code
@@ -145,33 +145,33 @@ class _Document:
         content = self._block(transition.block)
         condition = condition_code(transition.condition) if transition.condition is not None else None
         target = self._ids[transition.target] if transition.target is not None else None
-        said = transition.condition.text if transition.condition is not None else None
+        written = transition.condition.text if transition.condition is not None else None
         if transition.after is not None:
             if transition.held is not None:
                 yield from self._while(state, index, transition)
             counted = f"_event.data.countdown === countdowns[{index}]"
             name = _countdown_name(state, index)
             both = counted if condition is None else f"{counted} && {_bracketed(condition)}"
-            yield from _element("transition", content, event=name, cond=both, target=target, rise__cond=said)
+            yield from _element("transition", content, event=name, cond=both, target=target, rise__cond=written)
         elif transition.is_eventless:
             assert condition is not None
             if target is None:  # taken when it becomes true, and again only after it was false
                 yield from _flag_off(index, condition, [])
                 content = [f'<assign location="held[{index}]" expr="true"/>', *content]
                 condition = f"!held[{index}] && {_bracketed(condition)}"
-            yield from _element("transition", content, cond=condition, target=target, rise__cond=said)
+            yield from _element("transition", content, cond=condition, target=target, rise__cond=written)
         else:
             events = " ".join(_events_of(transition))
-            yield from _element("transition", content, event=events, cond=condition, target=target, rise__cond=said)
+            yield from _element("transition", content, event=events, cond=condition, target=target, rise__cond=written)
 
     def _while(self, state: str, index: int, transition: Transition) -> Iterator[str]:
         """A `while` transition: counting begins when the condition becomes true, and ends when it becomes false."""
         assert transition.held is not None
-        condition, said = condition_code(transition.held), transition.held.text
+        condition, written = condition_code(transition.held), transition.held.text
         yield from _flag_off(index, condition, [_cancel(state, index)])
         begin = [f'<assign location="held[{index}]" expr="true"/>']
         begin += self._countdown(state, index, transition.after)
-        yield from _element("transition", begin, cond=f"!held[{index}] && {_bracketed(condition)}", rise__cond=said)
+        yield from _element("transition", begin, cond=f"!held[{index}] && {_bracketed(condition)}", rise__cond=written)
 
     def _countdown(self, state: str, index: int, after: Delay | None) -> list[str]:
         """Write a delayed event to the document itself. Its number reveals one that was cancelled too late (section

@@ -37,9 +37,9 @@ from rise_exchange.scxml.translation import (
     UNDEFINED,
     Knowledge,
     Possible,
-    Said,
+    TranslatedValue,
     all_hold,
-    say_condition,
+    translate_condition,
     value_beforehand,
 )
 
@@ -231,7 +231,7 @@ class _RuleMaker:
         entering, now = self.translator.blocks(self.flat.first_blocks, now)
         return lines + more, entering, now
 
-    def live(self, state: FlatState) -> Iterator[tuple[FlatTransition, Knowledge, list[Said]]]:
+    def live(self, state: FlatState) -> Iterator[tuple[FlatTransition, Knowledge, list[TranslatedValue]]]:
         """Return the possible transitions, with the knowledge before them and their conditions."""
         decided: set[str | None] = set()
         for transition in state.transitions:
@@ -258,13 +258,13 @@ class _RuleMaker:
             more[name] = Possible(_IDLE.kinds, None, max(known[name].most - 1, 0))
         return {**known, **more}
 
-    def conditions(self, transition: FlatTransition, known: Knowledge) -> list[Said] | None:
+    def conditions(self, transition: FlatTransition, known: Knowledge) -> list[TranslatedValue] | None:
         """Return the conditions that must hold; None: they never do."""
-        found: list[Said] = []
+        found: list[TranslatedValue] = []
         for script in transition.conditions:
             assert script.root is not None
             try:
-                said = say_condition(script.root, known)
+                translated = translate_condition(script.root, known)
             except ChartRefusedError as error:
                 if error.code == UNDECLARED and self.awaits_errors:
                     message = f"there is no variable {error} here, so this raises `{ERROR}` each time it is looked at"
@@ -273,14 +273,14 @@ class _RuleMaker:
                     return None
                 self.report(error.code, script.location, str(error))
                 continue
-            truth = said.truth
+            truth = translated.truth
             if truth is None and self.translator.follows_values:
                 value = value_beforehand(script.root, known)
                 truth = None if value is None else bool(value.value)
             if truth is False:
                 return None
             if truth is None:
-                found.append(said)
+                found.append(translated)
         return found
 
     def check_conditions(self) -> None:
@@ -394,10 +394,10 @@ def _slug(text: str) -> str:
 def _comment(state: FlatState) -> str:
     """Describe the chart's active states and its histories' memory, if the name does not show them."""
     active = sorted(state.configuration, key=lambda each: each.order)
-    said = " ".join(each.id for each in active) if len(active) > 1 else ""
+    names = " ".join(each.id for each in active) if len(active) > 1 else ""
     for history, saved in sorted(state.history.items(), key=lambda item: item[0].order):
-        said += f"; {history.id} remembers {' '.join(each.id for each in saved)}"
-    return said.removeprefix("; ")
+        names += f"; {history.id} remembers {' '.join(each.id for each in saved)}"
+    return names.removeprefix("; ")
 
 
 def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:

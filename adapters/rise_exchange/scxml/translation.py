@@ -50,7 +50,7 @@ Knowledge: TypeAlias = Mapping[str, Possible]
 """The knowledge at one place of the chart, by the names of variables, including `_event.name`."""
 
 
-class Said(Struct, frozen=True):
+class TranslatedValue(Struct, frozen=True):
     """A value in our language."""
 
     text: str
@@ -123,22 +123,22 @@ def _work_out(operator: str, operands: list[Constant]) -> Constant | None:
     return None
 
 
-def say_constant(value: Constant) -> str:
+def translate_constant(value: Constant) -> str:
     """Write a constant in our language; `undefined` is null."""
     return json.dumps(value.value, ensure_ascii=False)
 
 
-def say_value(node: ScriptNode, knowledge: Knowledge) -> Said:
+def translate_value(node: ScriptNode, knowledge: Knowledge) -> TranslatedValue:
     """Write a value in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).value(node)
 
 
-def say_condition(node: ScriptNode, knowledge: Knowledge) -> Said:
+def translate_condition(node: ScriptNode, knowledge: Knowledge) -> TranslatedValue:
     """Write whether a value is true in ECMAScript, in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).truth(node)
 
 
-def all_hold(conditions: list[Said]) -> str:
+def all_hold(conditions: list[TranslatedValue]) -> str:
     """Write a condition that holds if all of these do; `true` if there are none."""
     texts = [_bracketed(each, _NOT) if len(conditions) > 1 else each.text for each in conditions]
     return " and ".join(texts) or "true"
@@ -150,10 +150,10 @@ class _Translator:
 
     # --- values ---
 
-    def value(self, node: ScriptNode) -> Said:
+    def value(self, node: ScriptNode) -> TranslatedValue:
         match node:
             case Constant():
-                return Said(say_constant(node), _ATOM, _possible_of(node), _truth_of(node))
+                return TranslatedValue(translate_constant(node), _ATOM, _possible_of(node), _truth_of(node))
             case Variable():
                 return self.variable(node.name)
             case EventField():
@@ -164,15 +164,15 @@ class _Translator:
                 raise _refused("a list can only be what a variable holds from the start", "list-arithmetic")
         raise AssertionError(node)  # In() is already resolved
 
-    def variable(self, name: str) -> Said:
+    def variable(self, name: str) -> TranslatedValue:
         found = self.knowledge.get(name)
         if found is None or found.kinds == {"undeclared"}:
             raise ChartRefusedError(UNDECLARED, name)
         if "undeclared" in found.kinds:
             raise _refused(f"`{name}` may not be declared by then; declare it with `<data>`")
-        return Said(name, _ATOM, found)
+        return TranslatedValue(name, _ATOM, found)
 
-    def event_field(self, name: str) -> Said:
+    def event_field(self, name: str) -> TranslatedValue:
         found = self.knowledge.get(f"_event.{name}")
         if found is None or (found.constant is None and "text" in found.kinds):
             message = f"`_event.{name}` is not the same on all paths to here, and rules do not know it while they run"
@@ -180,12 +180,12 @@ class _Translator:
         if found.kinds == {"undeclared"}:
             raise _refused("no event has happened by then", "computed")
         text = "null" if found.constant is None else json.dumps(found.constant, ensure_ascii=False)
-        return Said(text, _ATOM, found, bool(found.constant))
+        return TranslatedValue(text, _ATOM, found, bool(found.constant))
 
-    def operation(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
+    def operation(self, operator: str, operands: tuple[ScriptNode, ...]) -> TranslatedValue:
         match operator:
             case "refused":
-                return Said("null", _ATOM, _REFUSED)
+                return TranslatedValue("null", _ATOM, _REFUSED)
             case "||" | "&&":
                 if any(not self.value(operand).value.kinds <= {"boolean", "refused"} for operand in operands):
                     raise _refused(f"`{operator}` gives one of its values in ECMAScript; here it is true or false")
@@ -198,95 +198,95 @@ class _Translator:
                 return self.ordering(operator, *operands)
             case "typeof":
                 name = self.type_name(operands[0])
-                return Said(json.dumps(name), _ATOM, _TEXT, True)
+                return TranslatedValue(json.dumps(name), _ATOM, _TEXT, True)
             case "%":
                 raise _refused("the remainder `%` has no exact counterpart; of n by 2, write n - 2 * Math.floor(n / 2)")
             case "/":
                 divisor = operands[1]
                 if not isinstance(divisor, Constant) or divisor.value in (0, None):
                     raise _refused("a divisor must be a literal number, and not 0")
-        said = [self.number(operand, operator) for operand in operands]
-        if any("refused" in each.value.kinds for each in said):
-            return Said("null", _ATOM, _REFUSED)
+        translated = [self.number(operand, operator) for operand in operands]
+        if any("refused" in each.value.kinds for each in translated):
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if operator in ("floor", "ceil", "abs"):
-            return Said(f"{operator}({said[0].text})", _ATOM, _NUMBER)
+            return TranslatedValue(f"{operator}({translated[0].text})", _ATOM, _NUMBER)
         if operator == "negative":
-            return Said(f"-{_bracketed(said[0], _ATOM)}", _NEGATIVE, _NUMBER)
+            return TranslatedValue(f"-{_bracketed(translated[0], _ATOM)}", _NEGATIVE, _NUMBER)
         if operator == "positive":
-            return said[0]
+            return translated[0]
         strength = _SUM if operator in "+-" else _PRODUCT
-        left, right = _bracketed(said[0], strength), _bracketed(said[1], strength + 1)
-        return Said(f"{left} {operator} {right}", strength, _NUMBER)
+        left, right = _bracketed(translated[0], strength), _bracketed(translated[1], strength + 1)
+        return TranslatedValue(f"{left} {operator} {right}", strength, _NUMBER)
 
-    def number(self, node: ScriptNode, operator: str) -> Said:
-        said = self.value(node)
-        kinds = said.value.kinds
+    def number(self, node: ScriptNode, operator: str) -> TranslatedValue:
+        translated = self.value(node)
+        kinds = translated.value.kinds
         if "refused" in kinds:
-            return Said("null", _ATOM, _REFUSED)
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if kinds == {"number"}:
-            return said
+            return translated
         if operator == "+" and "text" in kinds:
             raise _refused("texts cannot be joined in rules; write both into the text of an act, with {key}")
         if "list" in kinds:
             raise _refused("lists cannot be computed with", "list-arithmetic")
-        raise _refused(f"`{said.text}` {_may_be(kinds)} here, and `{operator}` is the same only for numbers")
+        raise _refused(f"`{translated.text}` {_may_be(kinds)} here, and `{operator}` is the same only for numbers")
 
     # --- truth ---
 
-    def truth(self, node: ScriptNode) -> Said:
+    def truth(self, node: ScriptNode) -> TranslatedValue:
         """Write a condition that holds if the value is true in ECMAScript."""
         if isinstance(node, Operation) and node.operator in ("||", "&&", "not"):
             return self.logic(node.operator, node.operands)
-        said = self.value(node)
-        kinds = said.value.kinds
-        if said.truth is not None:
-            return _constant(said.truth)
+        translated = self.value(node)
+        kinds = translated.value.kinds
+        if translated.truth is not None:
+            return _constant(translated.truth)
         if "refused" in kinds:
-            return Said("null", _ATOM, _REFUSED)
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if kinds <= {"boolean"}:
-            return said
+            return translated
         if kinds <= _NOTHING:
             return _constant(False)
         if kinds <= _NOTHING | {"text"} or kinds <= _NOTHING | {"boolean"}:
-            return Said(said.text, said.strength, _BOOLEAN)
+            return TranslatedValue(translated.text, translated.strength, _BOOLEAN)
         if kinds == {"list"}:
             return _constant(True)
-        text = _bracketed(said, _SUM)
-        holds = Said(f"{text} < 0 or {text} > 0", _OR, _BOOLEAN)  # false for NaN
+        text = _bracketed(translated, _SUM)
+        holds = TranslatedValue(f"{text} < 0 or {text} > 0", _OR, _BOOLEAN)  # false for NaN
         if kinds <= _NUMERIC:
             return holds
         if kinds <= _NUMERIC | _NOTHING:
-            return Said(f"{text} != null and {_bracketed(holds, _NOT)}", _AND, _BOOLEAN)
-        raise _refused(f"`{said.text}` {_may_be(kinds)} here; compare it with something")
+            return TranslatedValue(f"{text} != null and {_bracketed(holds, _NOT)}", _AND, _BOOLEAN)
+        raise _refused(f"`{translated.text}` {_may_be(kinds)} here; compare it with something")
 
-    def logic(self, operator: str, operands: tuple[ScriptNode, ...]) -> Said:
-        said = [self.truth(operand) for operand in operands]
-        if any("refused" in each.value.kinds for each in said):
-            return Said("null", _ATOM, _REFUSED)
+    def logic(self, operator: str, operands: tuple[ScriptNode, ...]) -> TranslatedValue:
+        translated = [self.truth(operand) for operand in operands]
+        if any("refused" in each.value.kinds for each in translated):
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if operator == "not":
-            inner = said[0]
+            inner = translated[0]
             if inner.truth is not None:
                 return _constant(not inner.truth)
-            return Said(f"not {_bracketed(inner, _ATOM)}", _NOT, _BOOLEAN)
+            return TranslatedValue(f"not {_bracketed(inner, _ATOM)}", _NOT, _BOOLEAN)
         decisive = operator == "||"
-        if said[0].truth is not None:
-            return _constant(decisive) if said[0].truth == decisive else said[1]
-        if said[1].truth is not None and said[1].truth != decisive:
-            return said[0]
-        if said[1].truth is not None:  # the first has no side effects
+        if translated[0].truth is not None:
+            return _constant(decisive) if translated[0].truth == decisive else translated[1]
+        if translated[1].truth is not None and translated[1].truth != decisive:
+            return translated[0]
+        if translated[1].truth is not None:  # the first has no side effects
             return _constant(decisive)
         word, strength = ("or", _OR) if decisive else ("and", _AND)
-        return Said(f" {word} ".join(_bracketed(each, _EQUAL) for each in said), strength, _BOOLEAN)
+        return TranslatedValue(f" {word} ".join(_bracketed(each, _EQUAL) for each in translated), strength, _BOOLEAN)
 
     # --- comparisons ---
 
-    def equality(self, operator: str, left: ScriptNode, right: ScriptNode) -> Said:
+    def equality(self, operator: str, left: ScriptNode, right: ScriptNode) -> TranslatedValue:
         is_equal, is_strict = operator[0] == "=", len(operator) == 3
         if (answer := self.type_question(left, right, is_equal)) is not None:
             return answer
         a, b = self.value(left), self.value(right)
         if "refused" in a.value.kinds | b.value.kinds:
-            return Said("null", _ATOM, _REFUSED)
+            return TranslatedValue("null", _ATOM, _REFUSED)
         pairs = {_equality_of(x, y, is_strict) for x, y in product(a.value.kinds, b.value.kinds)}
         if "unlike" in pairs:
             raise _refused(
@@ -299,21 +299,21 @@ class _Translator:
         if pairs == {"never"}:
             return _constant(not is_equal)
         sign = "=" if is_equal else "!="
-        return Said(f"{_bracketed(a, _ORDER)} {sign} {_bracketed(b, _ORDER)}", _EQUAL, _BOOLEAN)
+        return TranslatedValue(f"{_bracketed(a, _ORDER)} {sign} {_bracketed(b, _ORDER)}", _EQUAL, _BOOLEAN)
 
-    def ordering(self, operator: str, left: ScriptNode, right: ScriptNode) -> Said:
+    def ordering(self, operator: str, left: ScriptNode, right: ScriptNode) -> TranslatedValue:
         a, b = self.value(left), self.value(right)
         kinds = a.value.kinds | b.value.kinds
         if "refused" in kinds:
-            return Said("null", _ATOM, _REFUSED)
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if not (kinds <= _NUMERIC or kinds == {"text"}):
             raise _refused(
                 f"`{operator}` compares numbers, or texts: `{a.text}` {_may_be(a.value.kinds)} here, and `{b.text}` "
                 f"{_may_be(b.value.kinds)}"
             )
-        return Said(f"{_bracketed(a, _SUM)} {operator} {_bracketed(b, _SUM)}", _ORDER, _BOOLEAN)
+        return TranslatedValue(f"{_bracketed(a, _SUM)} {operator} {_bracketed(b, _SUM)}", _ORDER, _BOOLEAN)
 
-    def type_question(self, left: ScriptNode, right: ScriptNode, is_equal: bool) -> Said | None:
+    def type_question(self, left: ScriptNode, right: ScriptNode, is_equal: bool) -> TranslatedValue | None:
         """`typeof x == 'undefined'` and similar; without `is_equal`, with `!=`."""
         if isinstance(right, Operation) and right.operator == "typeof":
             left, right = right, left
@@ -323,13 +323,13 @@ class _Translator:
         kinds = self.kinds_of(inner)
         names = {_TYPE_NAMES.get(kind, "") for kind in kinds}
         if "" in names:
-            return Said("null", _ATOM, _REFUSED)
+            return TranslatedValue("null", _ATOM, _REFUSED)
         if right.value not in names:
             return _constant(not is_equal)
         if len(names) == 1:
             return _constant(is_equal)
         if right.value == "undefined" and "undeclared" not in kinds and "null" not in kinds:
-            return Said(f"{self.value(inner).text} {'=' if is_equal else '!='} null", _EQUAL, _BOOLEAN)
+            return TranslatedValue(f"{self.value(inner).text} {'=' if is_equal else '!='} null", _EQUAL, _BOOLEAN)
         raise _refused(f"what {_may_be(kinds)} here cannot be asked for its type")
 
     def type_name(self, node: ScriptNode) -> str:
@@ -401,13 +401,13 @@ def _truth_of(node: Constant) -> bool:
     return bool(node.value)
 
 
-def _constant(holds: bool) -> Said:
-    return Said("true" if holds else "false", _ATOM, _BOOLEAN, holds)
+def _constant(holds: bool) -> TranslatedValue:
+    return TranslatedValue("true" if holds else "false", _ATOM, _BOOLEAN, holds)
 
 
-def _bracketed(said: Said, least: int) -> str:
+def _bracketed(translated: TranslatedValue, least: int) -> str:
     """Return its text, in brackets unless it binds at least this tightly."""
-    return said.text if said.strength >= least else f"({said.text})"
+    return translated.text if translated.strength >= least else f"({translated.text})"
 
 
 def _refused(message: str, code: str = "expression") -> ChartRefusedError:

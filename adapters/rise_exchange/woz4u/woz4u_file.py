@@ -246,13 +246,13 @@ class SpeechReader:
             if act is None:
                 self.omitted.append(mark[0])
             else:
-                self._say(words)
+                self._add_speech(words)
                 words = ""
                 act()
-        self._say(words + text[at:])
+        self._add_speech(words + text[at:])
         return self.actions
 
-    def _say(self, words: str) -> None:
+    def _add_speech(self, words: str) -> None:
         words = " ".join(words.split())
         if not any(character.isalnum() for character in words):
             return

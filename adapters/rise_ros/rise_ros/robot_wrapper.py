@@ -141,7 +141,7 @@ class Run:
         self.goal_handle = goal_handle
         self.over = threading.Event()
         self._feedback = feedback
-        self._told = 0.0
+        self._reported_at = 0.0
         self._reason = ""
         self._stop = threading.Event()
 
@@ -171,8 +171,8 @@ class Run:
     def progress(self, part: float) -> None:
         """Report the finished part, from 0 to 1. It is sent at most 5 times a second."""
         now = time.monotonic()
-        if now - self._told >= 0.2:
-            self._told = now
+        if now - self._reported_at >= 0.2:
+            self._reported_at = now
             self._feedback.progress = float(min(max(part, 0.0), 1.0))
             self.goal_handle.publish_feedback(self._feedback)
 
@@ -282,12 +282,12 @@ class DeadMansSwitch:
     """Stops the robot while the session gives no sign of life."""
 
     def __init__(self, node: Node, stop: Callable[[str], object]) -> None:
-        self._log, self._stop, self._told = node.get_logger(), stop, ""
+        self._log, self._stop, self._reported = node.get_logger(), stop, ""
         timeout = float(node.declare_parameter("session_timeout", 2.0).value)
         required = bool(node.declare_parameter("require_session", value=False).value)
         self._watch = SessionWatch(timeout, required=required)
         qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(String, TOPIC, lambda said: self._watch.hear(said.data, time.monotonic()), qos)
+        node.create_subscription(String, TOPIC, lambda message: self._watch.hear(message.data, time.monotonic()), qos)
         node.create_timer(0.1, self._watch_session)
 
     def why_not_move(self) -> str:
@@ -295,9 +295,9 @@ class DeadMansSwitch:
 
     def _watch_session(self) -> None:
         why = self.why_not_move()
-        if why != self._told:
+        if why != self._reported:
             self._log.warning(f"{why}: the robot stops, and takes no goals" if why else "the robot takes goals again")
-            self._told = why
+            self._reported = why
         if why:  # every time: a goal may just have been accepted
             self._stop(why)
 

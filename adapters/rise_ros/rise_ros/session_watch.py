@@ -22,10 +22,10 @@ class SessionWatch:
         self._heard: dict[str, float] = {}
         """The present sessions by id, each with its last sign of life."""
 
-    def hear(self, said: str, now: float) -> None:
+    def hear(self, text: str, now: float) -> None:
         """Process a message of the topic."""
         try:
-            announced = json.loads(said)
+            announced = json.loads(text)
             session, state = str(announced["id"]), announced["state"]
         except (ValueError, LookupError, TypeError, RecursionError):
             return  # not from a session

@@ -202,15 +202,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     executor.add_node(node)
     tree = py_trees.trees.BehaviourTree(root)
     tree.setup(node=node)
-    said: list[str] = []
+    known: list[str] = []
 
     def tick() -> None:
         tree.tick()
         now = [f"{leaf.name}: {leaf.status.name}, {leaf.feedback_message}" for leaf in root.children]
         for line in now:
-            if line not in said and "INVALID" not in line:
+            if line not in known and "INVALID" not in line:
                 print(line, flush=True)
-        said[:] = now
+        known[:] = now
 
     timer = node.create_timer(PERIOD, tick)
     try:

@@ -88,7 +88,7 @@ class ActRow(NamedTuple):
     """Whether it is the first of its level."""
     rails: str = ""
     """Box-drawing characters, the same number in every row."""
-    untold: tuple[str, ...] = ()
+    undrawn: tuple[str, ...] = ()
     """Ids of actions that it waits for, but whose lines do not lead here, because there are too many lines."""
 
 
@@ -108,7 +108,7 @@ def act_rows(act: Act, most: int) -> list[ActRow]:
             free = next(lane for lane in range(len(lanes) + 1) if lane not in lanes)
             begins = free if open_ends[position] and free < most else -1
             touched = sorted([*enters, *([begins] if begins >= 0 else [])])
-            untold = tuple(act.actions[before].id for before in waits[position] if before not in lanes.values())
+            undrawn = tuple(act.actions[before].id for before in waits[position] if before not in lanes.values())
             for lane in enters:
                 owner = lanes[lane]
                 open_ends[owner] -= 1
@@ -120,7 +120,7 @@ def act_rows(act: Act, most: int) -> list[ActRow]:
                 lanes[begins] = position
             for lane in range(touched[0] if touched else most, most):
                 cells.setdefault(lane, "─")
-            drawn.append((ActRow(position, number, position == level[0], untold=untold), cells))
+            drawn.append((ActRow(position, number, position == level[0], undrawn=undrawn), cells))
     width = 1 + max((lane for _, cells in drawn for lane, cell in cells.items() if cell != "─"), default=-1)
     return [row._replace(rails=_rails_text(cells, width)) for row, cells in drawn]
 

@@ -130,8 +130,8 @@ def _action_row(action: Action, row: ActRow, ids: int, types: int, width: int) -
     pieces = [Piece(start, action.id, "note"), Piece(start + ids + 1, _types_text(action), "name")]
     after = start + ids + types + 3
     words = " / ".join(call_text(call) for call in action.calls)
-    if row.untold:
-        words = f"after {', '.join(row.untold)}  {words}"
+    if row.undrawn:
+        words = f"after {', '.join(row.undrawn)}  {words}"
     if words := shorten_to(words, max(3, width - after)):
         pieces.append(Piece(after, words, "label"))
     return PictureRow(row.rails, tuple(pieces))
@@ -141,8 +141,8 @@ def call_text(call: ActionCall) -> str:
     """Shorten an action's text or parameters, as the author wrote them, with memory values in braces."""
     parameters = {name: template.text for name, template in call.parameters.items()}
     message = parameters.pop("message", None)
-    said = [] if message is None else [f"“{plain_words(message).strip()}”"]
-    return clean(" ".join([*said, *parameters.values()]))
+    spoken = [] if message is None else [f"“{plain_words(message).strip()}”"]
+    return clean(" ".join([*spoken, *parameters.values()]))
 
 
 def text_of(picture: Picture) -> list[str]:

@@ -310,8 +310,8 @@ def _remove_variant(edit: RemoveVariant, study: StudyState) -> Plan:
             f"{edit.act} {edit.action} has {len(action.calls)} wordings, and no number {edit.variant + 1}"
         )
     gone = action.calls[edit.variant]
-    said = gone.parameters.get("message")
-    says = f"{edit.act} {edit.action} loses the wording {edit.variant + 1}" + (f" “{said.text}”" if said else "")
+    message = gone.parameters.get("message")
+    says = f"{edit.act} {edit.action} loses the wording {edit.variant + 1}" + (f" “{message.text}”" if message else "")
     planned = plan_remove_variant(action, edit.variant, says)
 
     def key_of(text: SpokenText) -> str | None:

@@ -143,7 +143,7 @@ class EditorLock:
 
     def _read_holder(self) -> str:
         try:
-            told = json.loads(self._note.read_text(encoding="utf-8"))
-            return f"another editor, process {told['process']} on {told['host']}, since {told['since']}"
+            holder = json.loads(self._note.read_text(encoding="utf-8"))
+            return f"another editor, process {holder['process']} on {holder['host']}, since {holder['since']}"
         except (OSError, ValueError, KeyError):
             return "another editor, of another user"

@@ -56,8 +56,8 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
     if not found:
         after, was = changed_text(file.text, [_insertion(toml, text, entries, study.checked.texts)]), " (new)"
     else:
-        after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{shorten(_said(before), _SHOWN)}”)"
-        was = ": it is still right" if _said(before) == value else was
+        after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{shorten(_text_of(before), _SHOWN)}”)"
+        was = ": it is still right" if _text_of(before) == value else was
     return Plan(splices=_splices(file, after), says=(says + was,))
 
 
@@ -124,7 +124,7 @@ def _plan_removal(edit: SetTranslation, study: StudyState, name: str) -> Plan:
     found, before = _read(file).find((edit.act, edit.text)) if file is not None else (False, None)
     if file is None or not found:
         raise EditRefused(f"`{edit.act}/{edit.text}` has no translation into `{edit.language}`")
-    was = shorten(_said(before), _SHOWN)
+    was = shorten(_text_of(before), _SHOWN)
     says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{was}”)"
     return Plan(splices=_splices(file, remove_value(file.text, (edit.act, edit.text))), says=(says,))
 
@@ -163,7 +163,7 @@ def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
     return file.splices(edits_between(file.text, after))
 
 
-def _said(translation: Any) -> str:
+def _text_of(translation: Any) -> str:
     """Return the text of a translation; empty for another value."""
     found = translation.get("text") if isinstance(translation, dict) else None
     return " ".join(found.split()) if isinstance(found, str) else ""
@@ -256,7 +256,7 @@ def follow_action(
 # --- originals -------------------------------------------------------------------------------------------------------
 
 
-def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
+def edit_of_original(text: SpokenText, typed: str, outline: Outline) -> AnyEdit:
     """Return the edit that changes the original of a text.
 
     :raises EditRefused: its form can only be changed in its file.
@@ -267,10 +267,10 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
     if written.parameter:
         use = next((each for each in outline.uses if each.node is written.node), None)
         if use is not None:
-            return SetUseParameter(use.file, use.line, use.template, written.parameter, said)
+            return SetUseParameter(use.file, use.line, use.template, written.parameter, typed)
     if reason := written.reason or act.reason:
         raise EditRefused(reason)
-    return SetParameter(text.act, text.action.id, text.parameter, said, text.variant)
+    return SetParameter(text.act, text.action.id, text.parameter, typed, text.variant)
 
 
 def written_original(text: SpokenText, outline: Outline) -> WrittenValue | None:

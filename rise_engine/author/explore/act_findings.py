@@ -58,7 +58,7 @@ class PropertyChecker:
                 text=f"`{text}` has no value in some situations: {problem}; it counts as false there",
             )
 
-    def told(self) -> Iterator[str]:
+    def sentences(self) -> Iterator[str]:
         """Yield a sentence for each property that holds."""
         within = ", as far as the study was explored" if self._explored.has_bounds else ""
         for each in self._explored.scenario.properties:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from rise_engine.author.explore import act_findings, progress_findings, usage_findings
 from rise_engine.author.explore.act_findings import PropertyChecker
 from rise_engine.author.explore.moves import Bounds
-from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.path_words import describe_path
 from rise_engine.author.explore.situation import Situation
 from rise_engine.author.explore.situation_graph import Explored, ExploreFinding
 from rise_engine.author.explore.space import Number, Space
@@ -120,7 +120,7 @@ class Exploration(Struct, frozen=True, kw_only=True):
                 "file": finding.location.file if finding.location is not None else "",
                 "line": finding.location.line if finding.location is not None else 0,
                 "column": finding.location.column if finding.location is not None else 0,
-                "way": tell_path(scenario, finding.path, self.bounds) if finding.path is not None else [],
+                "way": describe_path(scenario, finding.path, self.bounds) if finding.path is not None else [],
             }
             for finding in self.findings
         ]
@@ -174,7 +174,7 @@ def explore(
     space = Space(stepper)
     space.begin()
     explore_on_cores(space, cores, lambda: go_on(space))
-    return tell(Explored(space))
+    return collect_results(Explored(space))
 
 
 def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
@@ -190,9 +190,14 @@ def quick_bounds(scenario: Scenario) -> Bounds:
 
 def bounds_of(scenario: Scenario) -> Bounds:
     """Return the bounds that a scenario sets (`[explore]` in scenario.toml)."""
-    said = scenario.explore
+    settings = scenario.explore
     return Bounds(
-        keys=said.keys, line=said.line, beside=said.beside, faults=said.faults, pace=said.pace, tries=said.tries
+        keys=settings.keys,
+        line=settings.line,
+        beside=settings.beside,
+        faults=settings.faults,
+        pace=settings.pace,
+        tries=settings.tries,
     )
 
 
@@ -214,7 +219,7 @@ def main_rule(scenario: Scenario) -> str:
     return next(started, next(iter(scenario.rules), ""))
 
 
-def tell(explored: Explored) -> Exploration:
+def collect_results(explored: Explored) -> Exploration:
     """Collect all results of a space."""
     checker = PropertyChecker(explored)
     by_state = usage_findings.keys_by_state(explored)
@@ -237,7 +242,7 @@ def tell(explored: Explored) -> Exploration:
     ]
     findings.sort(key=lambda finding: _LEVELS.index(finding.level))
     space = explored.space
-    about_the_end = progress_findings.tell_of_the_end(explored)
+    about_the_end = progress_findings.describe_end(explored)
     return Exploration(
         scenario_hash=explored.scenario.hash,
         bounds=space.stepper.bounds,
@@ -245,7 +250,7 @@ def tell(explored: Explored) -> Exploration:
         situations=len(space.situations),
         steps=space.stepper.steps,
         scope=tuple(_scope_sentences(explored)),
-        facts=tuple(filter(None, (about_the_end, *checker.told(), *progress_findings.tell_who_must_act(explored)))),
+        facts=tuple(filter(None, (about_the_end, *checker.sentences(), *progress_findings.describe_waits(explored)))),
         findings=tuple(findings),
         keys=by_state,
     )
@@ -263,34 +268,34 @@ def _scope_sentences(explored: Explored) -> Sequence[str]:
         kinds = ["a failed act", *(["a lost robot"] if bounds.lost else []), *(["a stop"] if bounds.stop else [])]
         wrong += f" ({', '.join(kinds)})"
     situations = f"all {count:,} situations" if space.complete else f"{count:,} situations"
-    told = [
+    sentences = [
         f"Looked at {situations} with these {keys}, at most {pluralize(bounds.line, 'waiting act')}, "
         f"{bounds.beside} beside others, and {wrong}."
     ]
     if not space.complete:
-        told.append(
+        sentences.append(
             f"Exploring stopped early: what follows from {pluralize(len(space.pending), 'situation')} is unknown. "
             "There may be problems that are not listed here."
         )
     for why, text in _BEYOND.items():
         number = sum(why in reasons for reasons in space.beyond.values())
         if number:
-            told.append(f"In {pluralize(number, 'situation')} {text}. What follows from that was not explored.")
+            sentences.append(f"In {pluralize(number, 'situation')} {text}. What follows from that was not explored.")
     if stepper.moves.alike:
         merged = {name: first for name, first in stepper.moves.alike.items() if name != first}
         if merged:
-            told.append(
+            sentences.append(
                 "Treated as alike, because no rule mentions them: "
                 + ", ".join(f"{name} ({first})" for name, first in merged.items())
                 + "."
             )
     if stepper.moves.outside:
-        told.append(
+        sentences.append(
             "These events can come from outside at any moment: "
             + ", ".join(f"/{topic}" for topic in stepper.moves.outside)
             + "."
         )
-    return told
+    return sentences
 
 
 _BEYOND = {

@@ -316,11 +316,11 @@ def _comparable(value: bytes | None) -> bytes | None:
 # --- the task file ----------------------------------------------------------------------------------------------------
 
 
-def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str) -> str:
+def task_file_of(title: str, sentences: Sequence[str], played: PlayedPath, study: str) -> str:
     """Write a task file for `rise-engine run --tasks`.
 
     :param title: its subject, in a sentence.
-    :param told: the path in sentences (`path_words.tell_path`).
+    :param sentences: the path in sentences (`path_words.describe_path`).
     :param played: the playback.
     :param study: the scenario's folder, in the form of a command's argument.
     """
@@ -338,7 +338,7 @@ def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str
     lines.append(written_line({"seed": played.seed}))
     lines += [written_line({"fault": fault}) for fault in played.faults]
     tasks = {task.line: task for task in played.tasks}
-    for number, sentence in enumerate(told, 1):
+    for number, sentence in enumerate(sentences, 1):
         lines += ["", indent(f"{number}. {sentence}", "# ")]
         if (task := tasks.get(number)) is not None:
             lines.append(written_line(_line_of(task)))

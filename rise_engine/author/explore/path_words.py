@@ -210,7 +210,7 @@ def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move:
 _ACT = "startCommunicationRobotAct"
 
 
-def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> list[str]:
+def describe_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> list[str]:
     """Write one sentence for each step, without number and full stop: event → consequences.
 
     Arguments:
@@ -221,10 +221,10 @@ def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> l
     Raises rise_engine.base.errors.RiseError if the path belongs to another scenario.
     """
     followed = follow_path(scenario, path, bounds or Bounds())
-    return [_tell(scenario, before, step) for before, step in pairwise(followed)]
+    return [_describe_step(scenario, before, step) for before, step in pairwise(followed)]
 
 
-def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
+def _describe_step(scenario: Scenario, before: Followed, step: Followed) -> str:
     assert step.move is not None, "only the beginning is no move"
     happens = move_text(scenario, step.move, before, step)
     comes = [*_consequences(before, step)]
@@ -376,22 +376,22 @@ def _cut_text(name: str, reason: str, ran: bool) -> str:
 
 
 def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
-    said = words_of(record).sentence
+    sentence = words_of(record).sentence
     match record:
         case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
             comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # it has the reason
             yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
         case KeptRecord(status="kept" | "taken"):
-            yield said
+            yield sentence
         case EventRecord(taken_by=None, source=source) if source.startswith("rule:"):
-            yield said
+            yield sentence
         case MemoryRecord(source=source) if by_chance and source.startswith("rule:") and not record.deleted:
-            yield said
+            yield sentence
         case ConditionRecord() if record.error:
-            yield f"the condition {said}"
+            yield f"the condition {sentence}"
         case ConditionRecord() if record.missing:
             yield " and ".join(f"{key} is not set" for key in record.missing)
         case NoteRecord():
-            yield said
+            yield sentence
         case _:
             return

@@ -66,7 +66,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
         )
 
 
-def tell_of_the_end(explored: Explored) -> str:
+def describe_end(explored: Explored) -> str:
     """Return a sentence on the study's end; empty: nothing is known."""
     end = explored.scenario.rules.get(explored.end)
     if end is None or all(state.transitions for state in end.states.values()):
@@ -123,7 +123,7 @@ def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
         )
 
 
-def tell_who_must_act(explored: Explored) -> list[str]:
+def describe_waits(explored: Explored) -> list[str]:
     """List the states of the study's main rule that only a person can leave, and the longest other silence."""
     end = explored.end
     waiting: dict[str, None] = {}
@@ -142,12 +142,12 @@ def tell_who_must_act(explored: Explored) -> list[str]:
         seconds = silence.of(number)
         if seconds is not None and seconds > longest:
             longest, where = seconds, _states_text(explored, number)
-    told = []
+    sentences = []
     if waiting:
-        told.append(f"{end} moves on from {some_states(waiting)} only when a person or another program acts.")
+        sentences.append(f"{end} moves on from {some_states(waiting)} only when a person or another program acts.")
     if longest:
-        told.append(f"The longest silence that the robot ends by itself is {longest:g} s ({where}).")
-    return told
+        sentences.append(f"The longest silence that the robot ends by itself is {longest:g} s ({where}).")
+    return sentences
 
 
 class _Silence:

@@ -86,7 +86,7 @@ class Stepper:
             for one, other in combinations(scenario.acts, 2)
             if scenario.acts[one].channels & scenario.acts[other].channels
         } | {frozenset((name,)) for name, act in scenario.acts.items() if act.channels}
-        self._told: set[Fact] = set()
+        self._known_facts: set[Fact] = set()
         self.steps = 0
         """The number of inputs that the kernel has handled."""
 
@@ -213,9 +213,9 @@ class Stepper:
         zone = NO_CLOCKS
         if bounds.pace is not None and not beyond:
             zone = self._zone_after(before, tasks, situation, acts, timers, possibility, when)
-        told = self._told
-        new = tuple([fact for fact in facts if fact not in told])
-        told.update(new)
+        known_facts = self._known_facts
+        new = tuple([fact for fact in facts if fact not in known_facts])
+        known_facts.update(new)
         return FollowedMove(move, situation, zone, moved, new, beyond)
 
     def _zone_after(
@@ -316,8 +316,8 @@ class Stepper:
         elif how == "failed" and index in succeeded:
             alike = step.situation._replace(faults_left=before.faults_left) == succeeded[index]
             fact = ("failure alike" if alike else "failure matters", act.name, act.source)
-            if fact not in self._told:
-                self._told.add(fact)
+            if fact not in self._known_facts:
+                self._known_facts.add(fact)
                 return step._replace(facts=(*step.facts, fact))
         return step
 

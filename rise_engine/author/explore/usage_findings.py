@@ -219,11 +219,11 @@ def _keys_set(text: str) -> set[str]:
 
 def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
     """Find conditions that read keys without a value, or that cannot be evaluated."""
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for fact in explored.facts("missing"):
         _, key, text, rule = fact
-        if (key, text) not in told:
-            told.add((key, text))
+        if (key, text) not in reported:
+            reported.add((key, text))
             yield ExploreFinding(
                 kind="missing-value",
                 level="warning",
@@ -234,8 +234,8 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
             )
     for fact in explored.facts("error"):
         _, text, problem, rule = fact
-        if (text, problem) not in told:
-            told.add((text, problem))
+        if (text, problem) not in reported:
+            reported.add((text, problem))
             yield ExploreFinding(
                 kind="condition-error",
                 level="warning",
@@ -250,14 +250,14 @@ def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
     """Find acts that need a part of a value that the session never has; a computed index matches any entry."""
     scenario = explored.scenario
     changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for begun in explored.space.stepper.beginnings:
         memory = {**scenario.memory, **begun.memory}
         for act in scenario.acts.values():
             for action, problem in find_missing_parts_of_act(act, scenario.tables, memory, changed):
-                if (act.name, problem) in told:
+                if (act.name, problem) in reported:
                     continue
-                told.add((act.name, problem))
+                reported.add((act.name, problem))
                 yield ExploreFinding(
                     kind="missing-part",
                     level="problem",

@@ -309,7 +309,7 @@ class StudyServer(LanguageServer):
         whole = lsp.TextDocumentSyncKind.Full
         super().__init__("rise-engine", __version__, whole, protocol_cls=OpenFilesProtocol)
         self.studies: dict[Path, ServedStudy] = {}
-        self.told: dict[Path, set[str]] = {}
+        self.published: dict[Path, set[str]] = {}
         """By study, the files for which the editor has diagnostics."""
 
     # --- studies and places -------------------------------------------------------------------------------------------
@@ -360,14 +360,14 @@ class StudyServer(LanguageServer):
 
     # --- findings -----------------------------------------------------------------------------------------------------
 
-    def tell(self, study: ServedStudy) -> None:
+    def publish(self, study: ServedStudy) -> None:
         """Send the diagnostics of a study, with an empty list for each file that no longer has any."""
         by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
         for found in study.checked.diagnostics:
             by_file.setdefault(found.location.file, []).append(found)
-        for name in self.told.get(study.folder, set()) - by_file.keys():
+        for name in self.published.get(study.folder, set()) - by_file.keys():
             by_file[name] = []
-        self.told[study.folder] = {name for name, found in by_file.items() if found}
+        self.published[study.folder] = {name for name, found in by_file.items() if found}
         for name, findings in by_file.items():
             source = study.source(name)
             shown = [self.diagnostic(each, source) for each in findings]

@@ -56,21 +56,21 @@ def _follow_documents(server: StudyServer) -> None:
         if (found := server.study_of(uri)) is not None:
             study, name = found
             study.hold(study.folder / name, server.workspace.get_text_document(uri).source)
-            server.tell(study)
+            server.publish(study)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
     def let_go(params: lsp.DidCloseTextDocumentParams) -> None:
         if (found := server.study_of(params.text_document.uri)) is not None:
             study, name = found
             study.let_go(study.folder / name)
-            server.tell(study)
+            server.publish(study)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
     @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def check_again(params: Any) -> None:
         for study in server.studies.values():
             study.forget()
-            server.tell(study)
+            server.publish(study)
 
 
 def _answer_about_names(server: StudyServer) -> None:

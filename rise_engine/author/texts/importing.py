@@ -142,7 +142,7 @@ class _Importer:
     def _read_row(self, row: ReadRow, id: str) -> None:
         text = self.texts.get(id)
         of, check = _normal(row.values.get("of", "")), _checks(row.values.get("check", ""))
-        said = _normal(row.values.get("text", of))
+        new_text = _normal(row.values.get("text", of))
         changed = [
             column
             for column, language in self.languages.items()
@@ -154,7 +154,7 @@ class _Importer:
         elif not of:
             self._refuse(row, id, "its cell `of` is empty, so its original text is unknown")
         elif of != text.text:
-            if said != of or any(self._is_other(row, text, column) for column in changed):
+            if new_text != of or any(self._is_other(row, text, column) for column in changed):
                 now = shorten(text.text, _SHOWN)
                 why = (
                     f"the text was changed since the table was made: it is “{now}” now, and was “{shorten(of, _SHOWN)}”"
@@ -162,8 +162,8 @@ class _Importer:
                 self._refuse(row, id, why)
         else:
             template = text.template if isinstance(text, SpokenText) else None
-            if said != of:
-                template = self._change_text(row, text, said) or template
+            if new_text != of:
+                template = self._change_text(row, text, new_text) or template
             for column, language in self.languages.items():
                 if column in row.values:
                     self._change_translation(row, text, template, column, language, check.get(language))
@@ -179,20 +179,20 @@ class _Importer:
         found = (self.loaded.translations.get(language) or LanguageTexts(language, "")).texts.get(text.id)
         return found.template.text if found is not None else ""
 
-    def _change_text(self, row: ReadRow, text: SpokenText | TableText, said: str) -> Template | None:
+    def _change_text(self, row: ReadRow, text: SpokenText | TableText, new_text: str) -> Template | None:
         """Change the original text and return it; None: it is refused, or is in a table."""
-        if not said:
+        if not new_text:
             self._refuse(row, text.id, "the text is empty; write a text, or remove the action from the act")
             return None
         if isinstance(text, TableText):
-            self.edits.append(SetCell(text.table.name, text.row, text.column, said))
+            self.edits.append(SetCell(text.table.name, text.row, text.column, new_text))
             return None
-        template, problem = _read_template(said)
+        template, problem = _read_template(new_text)
         if template is None:
             self._refuse(row, text.id, problem)
             return None
         try:
-            edit = edit_of_original(text, said, self.outline)
+            edit = edit_of_original(text, new_text, self.outline)
         except EditRefused as refused:
             where = text.action.location
             self._refuse(row, text.id, f"{refused}; change it in {where.file}, line {where.line}")
@@ -244,21 +244,21 @@ class _Importer:
     # --- new texts --------------------------------------------------------------------------------------------------
 
     def _read_new(self, row: ReadRow) -> None:
-        act, said = row.values.get("act", "").strip(), _normal(row.values.get("text", ""))
+        act, new_text = row.values.get("act", "").strip(), _normal(row.values.get("text", ""))
         if not self.new:
             self._refuse(row, act, "this row has no id; with --new it becomes an act, called as its cell `act` says")
             return
-        if not act or not said:
+        if not act or not new_text:
             self._refuse(row, act, f"a new act needs {'a name, in `act`' if not act else 'a text, in `text`'}")
             return
         taken = next((edit for edit in self.edits if isinstance(edit, AddAct) and edit.name == act), None)
-        template, problem = _read_template(said)
+        template, problem = _read_template(new_text)
         if self.outline.act(act) is not None or taken is not None:
             self._refuse(row, act, "there is an act of this name already")
         elif template is None:
             self._refuse(row, act, problem)
         else:
-            self.edits.append(AddAct(act, said))
+            self.edits.append(AddAct(act, new_text))
             for column, language in self.languages.items():
                 if given := _normal(row.values.get(column, "")):
                     self.translated.append(SetTranslation(language, act, "1", given))

@@ -148,14 +148,14 @@ def _make_table_row(text: TableText, languages: Sequence[str]) -> TextRow:
 
 def _beside(act: Act, action: Action) -> str:
     """Describe in a word or two each action that begins at the same time."""
-    said = []
+    parts = []
     for other in act.actions:
         if other.id == action.id or set(other.wait_for) != set(action.wait_for):
             continue
         call = other.calls[0]
         value = call.parameters.get("value")
-        said.append(f"{call.type}: {value.text}" if value is not None else call.type)
-    return ", ".join(said)
+        parts.append(f"{call.type}: {value.text}" if value is not None else call.type)
+    return ", ".join(parts)
 
 
 def _seconds(text: SpokenText, scenario: Scenario) -> float:

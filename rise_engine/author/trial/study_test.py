@@ -140,8 +140,8 @@ class _TestReader:
         if len(what) != 1:
             names = (*_ACTIONS, *TASK_KEYS, *_HEAD)
             near = next((near for key in value if (near := did_you_mean(key, names))), "")
-            said = f"this line has {' and '.join(f'`{name}`' for name in what)}; " if what else ""
-            self.report([f"{said}a line has one of {', '.join(f'`{name}`' for name in _ACTIONS)}{near}"])
+            prefix = f"this line has {' and '.join(f'`{name}`' for name in what)}; " if what else ""
+            self.report([f"{prefix}a line has one of {', '.join(f'`{name}`' for name in _ACTIONS)}{near}"])
             return
         kind = what[0]
         known: tuple[str, ...] = {"function_type": TASK_KEYS, "test": _HEAD, "key": ("key", "at")}.get(kind, (kind,))

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from rise_engine.author.trial.study_test import ENDING, FOLDER, Expectation, StudyTest, StudyTestLine, written_line
 from rise_engine.author.trial.trial import SOURCE, Trial, TrialStep
-from rise_engine.author.trial.trial_history import said_words
+from rise_engine.author.trial.trial_history import words_of_action
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Submit
@@ -188,7 +188,7 @@ def _differences(trial: Trial, expected: Expectation) -> Iterator[str]:
     records = trial.records_of(-1)
     for what, wanted_texts, came in (
         ("starts", expected.starts, started_acts(records)),
-        ("says", expected.says, said_texts(records)),
+        ("says", expected.says, begun_texts(records)),
     ):
         if wanted_texts is not None and list(wanted_texts) != came:
             yield f"`{what}` should be {_list_text(wanted_texts)}, and it is {_list_text(came)}"
@@ -226,10 +226,12 @@ def started_acts(records: list[AnyRecord]) -> list[str]:
     ]
 
 
-def said_texts(records: list[AnyRecord]) -> list[str]:
+def begun_texts(records: list[AnyRecord]) -> list[str]:
     """List the texts that the robot has begun to say, in order."""
     return [
         words
         for record in records
-        if isinstance(record, ActionRecord) and record.status == "started" and (words := said_words(record.parameters))
+        if isinstance(record, ActionRecord)
+        and record.status == "started"
+        and (words := words_of_action(record.parameters))
     ]

@@ -98,7 +98,7 @@ def _memory_line(records: list[MemoryRecord]) -> HappenedLine:
 
 
 def _line(record: AnyRecord) -> HappenedLine | None:
-    said = words_of(record).sentence
+    sentence = words_of(record).sentence
     match record:
         case TaskRecord():
             return _task_line(record)
@@ -108,26 +108,28 @@ def _line(record: AnyRecord) -> HappenedLine | None:
             return None  # the line about its first state follows
         case RuleRecord():
             kind: HappenedKind = "problem" if record.status == "faulted" else "state"
-            return HappenedLine(record.t, kind, said, rule=record.name)
+            return HappenedLine(record.t, kind, sentence, rule=record.name)
         case EventRecord() if record.taken_by and record.topic.startswith("ended "):
             return None  # the rule's own act: the next state's line shows it
         case EventRecord():
             by = f"rule {rule} raises " if (rule := _rule_of(record.source)) else ""
-            return HappenedLine(record.t, "event", f"{by}{said}", rule=record.taken_by or rule)
+            return HappenedLine(record.t, "event", f"{by}{sentence}", rule=record.taken_by or rule)
         case ConditionRecord():
-            return HappenedLine(record.t, "problem" if record.error else "condition", said, rule=record.rule)
+            return HappenedLine(record.t, "problem" if record.error else "condition", sentence, rule=record.rule)
         case CountdownRecord():
-            return HappenedLine(record.t, "problem" if record.status == "failed" else "note", said, rule=record.rule)
+            return HappenedLine(
+                record.t, "problem" if record.status == "failed" else "note", sentence, rule=record.rule
+            )
         case KeptRecord():
-            return HappenedLine(record.t, "event", said, rule=record.rule or "")
+            return HappenedLine(record.t, "event", sentence, rule=record.rule or "")
         case CueRecord():
-            return HappenedLine(record.t, "note", said)
+            return HappenedLine(record.t, "note", sentence)
         case FailureRecord():
-            return HappenedLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", said)
+            return HappenedLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", sentence)
         case StopRecord():
             return HappenedLine(record.t, "note", words_of(record).full_sentence)
         case NoteRecord():
-            return HappenedLine(record.t, "problem", said)
+            return HappenedLine(record.t, "problem", sentence)
         case _:
             return None
 
@@ -172,11 +174,11 @@ def _action_line(record: ActionRecord) -> HappenedLine | None:
         return HappenedLine(record.t, "problem", f"{words.kind} {words.text}")
     if record.status != "started":
         return None
-    message = said_words(record.parameters)
+    message = words_of_action(record.parameters)
     return HappenedLine(record.t, "says", f"says “{message}”") if message else None
 
 
-def said_words(parameters: dict[str, Any]) -> str:
+def words_of_action(parameters: dict[str, Any]) -> str:
     """Return the words of an action with these parameters; empty: none."""
     message = parameters.get("message")
     return plain_words(message).strip() if isinstance(message, str) else ""

@@ -21,7 +21,7 @@ from rise_engine.author.drawing.rule_text import (
 )
 from rise_engine.author.drawing.study_keys import ACT, StudyKeys, key_title
 from rise_engine.author.trial.trial import Trial
-from rise_engine.author.trial.trial_history import said_words
+from rise_engine.author.trial.trial_history import words_of_action
 from rise_engine.expression import Expression, lookup
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import (
@@ -234,7 +234,7 @@ def running_acts(trial: Trial) -> list[RunningAct]:
         saying = [
             words
             for action in task.actions.values()
-            if action.ended is None and (words := said_words(action.parameters))
+            if action.ended is None and (words := words_of_action(action.parameters))
         ]
         act = trial.scenario.acts.get(task.behavior) if task.function != "say" else None
         expected = estimate_act_seconds(trial.scenario, act, trial.memory) if act is not None else 0.0

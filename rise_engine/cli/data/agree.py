@@ -103,14 +103,14 @@ def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) ->
         problems.append(f"{folder} could not be read: {error}")
 
     names = _names(folders) if level != "full" else None
-    told = {
+    facts_of = {
         data.folder: data.facts
         for data in read_sessions(folders, level=level, wizards=names, on_unreadable=note_unreadable)
     }
-    for folder in told:
+    for folder in facts_of:
         for data in read_sessions([folder]):
             problems.extend(f"{folder.name}: {problem}" for problem in data.problems)
-            yield judge_session(replace(data, facts=told[folder]), names)
+            yield judge_session(replace(data, facts=facts_of[folder]), names)
 
 
 def _names(folders: Sequence[Path]) -> dict[str, str]:
@@ -301,8 +301,8 @@ def _end(report: AgreementReport) -> Iterator[str]:
 
 
 def _entry(name: str, value: str, more: str = "") -> Iterator[str]:
-    told = f"{value}   ({more})" if more else value
-    first, *rest = wrap(told, WIDTH - VALUES, break_long_words=False) or [""]
+    text = f"{value}   ({more})" if more else value
+    first, *rest = wrap(text, WIDTH - VALUES, break_long_words=False) or [""]
     yield f"    {name:<{VALUES - 6}}  {first}"
     yield from (" " * VALUES + each for each in rest)
 

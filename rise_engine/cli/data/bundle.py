@@ -58,7 +58,7 @@ def bundle(
         "left out:",
         *_indent(report.omitted),
         "look at this before anybody else gets it:",
-        *_indent([*selection.notes, *report.look_at]),
+        *_indent([*selection.notes, *report.to_check]),
         "its fingerprint, for the paper (rise-engine reproduce prints it):",
         f"  {report.fingerprint}",
     )

@@ -99,8 +99,8 @@ def add(
     document = read_coded_document(path.name, data, observation, session.name)
     _refuse_other_session(path, session, document)
     taken = tuple(tiers_taken(document, tiers))
-    said = tuple(tiers_taken(document, speech)) if speech else ()
-    if missing := [each for each in said if each not in taken]:
+    speech_tiers = tuple(tiers_taken(document, speech)) if speech else ()
+    if missing := [each for each in speech_tiers if each not in taken]:
         raise SessionError(f"--speech {missing[0]} is not among the tiers that --tier names")
     if not taken:
         raise SessionError(f"{path} has no tier of yours: everything in it was written by this program")
@@ -111,7 +111,7 @@ def add(
         clock=clock,
         clock_by=by,
         tiers=taken,
-        speech=said,
+        speech=speech_tiers,
         annotator=annotator,
         observation=observation,
         added=datetime.now().astimezone().isoformat(timespec="seconds"),

@@ -271,12 +271,12 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *selection.notes, *report.warnings)))
-    status = _tell_problems([*selection.unread, *report.problems], selection.problems)
+    status = _print_problems([*selection.unread, *report.problems], selection.problems)
     print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
     return status
 
 
-def _tell_problems(problems: Sequence[str], of_studies: Sequence[str]) -> int:
+def _print_problems(problems: Sequence[str], of_studies: Sequence[str]) -> int:
     """Print what could not be read of sessions and studies; return the exit status."""
     print_notes(*(f"warning: {problem}" for problem in (*of_studies, *problems)))
     print_notes(*["Everything else was exported."] * bool(problems))
@@ -297,7 +297,7 @@ def _export_records(selection: Selection, request: ExportRequest) -> int:
             print_notes(*(f"warning: {problem}" for problem in export.problems))
             with export.here.open("xb") as file:
                 write_records(source, format, file, spreadsheet_safe=request.spreadsheet_safe)
-    return _tell_problems(source.problems, selection.problems)
+    return _print_problems(source.problems, selection.problems)
 
 
 @contextmanager

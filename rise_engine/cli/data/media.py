@@ -273,8 +273,8 @@ def remove(session: Path, file: str, as_json: bool) -> None:
     Exit status: 0; 1 there is no such file in the list, or several; 2 if the session cannot be read.
     """
     removed = remove_media(session, file)
-    said = f"{removed.path} is no longer a recording of {session.name}; the file itself was not touched"
-    show([said], _values(session, removed), as_json=as_json)
+    notes = f"{removed.path} is no longer a recording of {session.name}; the file itself was not touched"
+    show([notes], _values(session, removed), as_json=as_json)
 
 
 # --- in words -------------------------------------------------------------------------------------------------------

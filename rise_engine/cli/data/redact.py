@@ -74,10 +74,10 @@ def redact_session(
         words = Words(map(parse_replacement, replacements), whole_words=whole_words, match_case=match_case)
     exports: list[str] = []
 
-    def tell_study(report: RedactionReport) -> None:
+    def redact_exports(report: RedactionReport) -> None:
         exports.extend(redact_in_study(session, report, words, try_only=try_only))
 
-    report = redact(session, words, by=by, here=here, try_only=try_only, before=tell_study)
+    report = redact(session, words, by=by, here=here, try_only=try_only, before=redact_exports)
     show(_report_lines(report, try_only=try_only, whole_words=whole_words), report, as_json=as_json)
     if try_only:
         return OK
@@ -107,8 +107,8 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
         lines.append(f"{would} {pluralize(report.log_lines, 'line')} of the study's log ({LOG_FILE})")
     if report.longer_words:
         longer = ", ".join(f"{word} ({count})" for word, count in list(report.longer_words.items())[:12])
-        said = "left within longer words" if whole_words else "within longer words, too"
-        lines.append(f"{said}: {longer}")
+        hint = "left within longer words" if whole_words else "within longer words, too"
+        lines.append(f"{hint}: {longer}")
     lines += [f"erased {name}, which a recovery had kept of the old journal" for name in report.erased]
     if report.remains:
         lines.append("the words are still in:")

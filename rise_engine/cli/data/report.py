@@ -83,7 +83,7 @@ def _write(
     new_file: Callable[..., AbstractContextManager[NewExport]],
 ) -> tuple[MadeReport, list[str]]:
     """Make a report and write the requested files, or print it; return it with sentences about the files."""
-    said: list[str] = []
+    notes: list[str] = []
     with ExitStack() as files:  # both, or none
         exports = {
             kind: files.enter_context(new_file(Path(name), format=kind))
@@ -95,11 +95,11 @@ def _write(
             raise ExportError(f"{min(later).name} has ended while this was made, so make it again")
         for kind, export in exports.items():
             export.here.write_text(page_text(made.document) if kind == "report" else made.sheet, "utf-8")
-            said += [f"warning: {each}" for each in export.problems]
-            said.append(f"the {kind} is in {output if kind == 'report' else sheet}")
-    if not said:
+            notes += [f"warning: {each}" for each in export.problems]
+            notes.append(f"the {kind} is in {output if kind == 'report' else sheet}")
+    if not notes:
         print_lines(*text_lines(made.document, _width()))
-    return made, said
+    return made, notes
 
 
 def _width() -> int:

@@ -103,7 +103,7 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
         if as_json:
             write_json({"refused": str(error)})
         raise
-    _tell(planned, files, after, as_diff=as_diff, as_json=as_json)
+    _print_plan(planned, files, after, as_diff=as_diff, as_json=as_json)
 
 
 @click.command()
@@ -149,7 +149,7 @@ def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:
     return sorted((each.severity, each.code, each.location.file) for each in found)
 
 
-def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json: bool) -> None:
+def _print_plan(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json: bool) -> None:
     if as_json:
         files = sorted(name for name in after if after[name] != before.get(name))
         write_json({"says": planned.says, "noticed": planned.noticed, "files": files, "written": not as_diff})

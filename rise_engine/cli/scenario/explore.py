@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore
 from rise_engine.author.explore.moves import Bounds
 from rise_engine.author.explore.path_playback import find_times, task_file_of
-from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.path_words import describe_path
 from rise_engine.author.explore.situation_graph import ExploreFinding
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.usage_findings import NOT_RUNNING
@@ -159,9 +159,9 @@ def _study_report(
 
 def _last_line(counts: dict[str, int], *, complete: bool, can_show: bool) -> str:
     """Count the findings."""
-    told = ", ".join(pluralize(count, level) for level, count in counts.items())
+    counted = ", ".join(pluralize(count, level) for level, count in counts.items())
     part = "" if complete else "; not everything was explored"
-    return f"{told}{part}{'; `--show N` shows the path to number N' if can_show else ''}"
+    return f"{counted}{part}{'; `--show N` shows the path to number N' if can_show else ''}"
 
 
 def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
@@ -275,7 +275,7 @@ def _finding_lines(
 def _path_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
     """Yield the path to a finding, step by step."""
     if finding.path is not None:
-        for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
+        for at, sentence in enumerate(describe_path(scenario, finding.path, exploration.bounds), 1):
             yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
         played = find_times(scenario, finding.path, exploration.bounds)
         if not played.is_certain:
@@ -311,9 +311,9 @@ def _write_paths(scenario: Scenario, exploration: Exploration, folder: Path, stu
         folder.mkdir(parents=True, exist_ok=True)
         for number, finding in enumerate(exploration.findings, 1):
             if finding.path is not None:
-                told = tell_path(scenario, finding.path, exploration.bounds)
+                sentences = describe_path(scenario, finding.path, exploration.bounds)
                 played = find_times(scenario, finding.path, exploration.bounds)
-                text = task_file_of(finding.text, told, played, study)
+                text = task_file_of(finding.text, sentences, played, study)
                 (folder / f"{number:02}-{finding.kind}.jsonl").write_text(text, encoding="utf-8")
     except OSError as error:
         raise Refused(f"{folder} cannot be written: {error_message(error)}", status=NOT_WRITTEN) from None

@@ -211,7 +211,7 @@ class CauseCollector:
 # --- acts -------------------------------------------------------------------------------------------------------------
 
 
-_TELLING = ("value", "duration")
+_INFORMATIVE = ("value", "duration")
 """Parameters that describe an action, the best first."""
 
 
@@ -377,7 +377,7 @@ def _part(action: ActionView, spec: ActionSpec | None) -> ActPart:
         type=action.type,
         channels=spec.channels if spec is not None and not by_engine else (),
         parameters=action.parameters,
-        text=telling_text(action.parameters),
+        text=action_text(action.parameters),
         accepted_at=None if by_engine else action.confirmed,
         ended_at=action.ended,
         status=action.status,
@@ -392,12 +392,12 @@ def confirmed_at(parts: Iterable[ActPart]) -> tuple[float | None, float | None]:
     return min((at for at, _ in found), default=None), min(voiced, default=None)
 
 
-def telling_text(parameters: Mapping[str, Any]) -> str:
+def action_text(parameters: Mapping[str, Any]) -> str:
     """Describe an action in a few words: its spoken text, or its most informative parameter.
 
-    >>> telling_text({"message": "<speak>Hello<break time='1s'/>you</speak>"}), telling_text({"value": "nod"})
+    >>> action_text({"message": "<speak>Hello<break time='1s'/>you</speak>"}), action_text({"value": "nod"})
     ('Hello you', 'nod')
-    >>> telling_text({"pointx": 1.0, "pointy": 0, "pointz": 0.5}), telling_text({})
+    >>> action_text({"pointx": 1.0, "pointy": 0, "pointz": 0.5}), action_text({})
     ('(1, 0, 0.5)', '')
     """
     message = parameters.get(MESSAGE)
@@ -405,9 +405,9 @@ def telling_text(parameters: Mapping[str, Any]) -> str:
         return plain_words(message) if isinstance(message, str) else spoken_text(message)
     if all(axis in parameters for axis in ("pointx", "pointy", "pointz")):
         return "(" + ", ".join(spoken_text(parameters[axis]) for axis in ("pointx", "pointy", "pointz")) + ")"
-    told = next((name for name in _TELLING if name in parameters), None)
-    if told == "duration":
-        return f"{spoken_text(parameters[told])} ms"
-    if told is not None:
-        return spoken_text(parameters[told])
+    chosen = next((name for name in _INFORMATIVE if name in parameters), None)
+    if chosen == "duration":
+        return f"{spoken_text(parameters[chosen])} ms"
+    if chosen is not None:
+        return spoken_text(parameters[chosen])
     return next((spoken_text(value) for value in parameters.values()), "")

@@ -329,8 +329,10 @@ def _point_of(record: AnyRecord) -> Point | None:
         case MistakeRecord():
             return point("mistake", record.mark, record.act, record.source, record.task)
         case StopRecord():
-            told = record.unconfirmed if record.status == "latched" else ()
-            return point("stop", record.status, f"not confirmed: {', '.join(told)}" if told else "", record.source)
+            unconfirmed = record.unconfirmed if record.status == "latched" else ()
+            return point(
+                "stop", record.status, f"not confirmed: {', '.join(unconfirmed)}" if unconfirmed else "", record.source
+            )
         case SyncRecord():
             began = record.at if record.at is not None else record.t
             return Point(at=began, kind="sync", name=str(record.number), value=record.medium, source=record.source)

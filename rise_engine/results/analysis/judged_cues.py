@@ -183,8 +183,8 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
             f"{len(live)} wizards ran {data.facts.session}; their actions count as those of one wizard"
         )
     if data.facts.speed != 1:
-        told = f"{session.live} ran {data.facts.session} at {data.facts.speed:g} times real time"
-        session.remarks.append(f"{told}: no latencies of that wizard")
+        text = f"{session.live} ran {data.facts.session} at {data.facts.speed:g} times real time"
+        session.remarks.append(f"{text}: no latencies of that wizard")
     shown = {window.seq: window.shown for window in windows}
     foreign = {each.path: why for each in shadows if (why := _why_of_another(each, shown))}
     shadows = [each for each in shadows if each.path not in foreign]

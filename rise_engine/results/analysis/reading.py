@@ -31,7 +31,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
 )
 from rise_engine.kernel.wizard_marks import filler_acts
-from rise_engine.privacy.levels import ExportLevel, LevelFilter, told_span
+from rise_engine.privacy.levels import ExportLevel, LevelFilter, span_at_level
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.course import (
     ConditionCollector,
@@ -105,12 +105,12 @@ def _read_changed(study: Path, changed: tuple[tuple[int, int], ...]) -> Judgemen
         log = read_log(study)
     except StudyLogError:
         log = []
-    said = {
+    outcomes = {
         str(each.get("session")): Judgement(each.get("status"), str(each.get("reason") or ""))
         for each in log
         if each.kind == "outcome" and each.get("status") in ("complete", "aborted", "excluded")
     }
-    return Judgements(said, _excluded(study, log))
+    return Judgements(outcomes, _excluded(study, log))
 
 
 def _excluded(study: Path, log: list[LogEntry]) -> dict[str, str]:
@@ -262,7 +262,7 @@ def _facts(
     """Return the facts from the journal, or from session.toml if an old journal lacks them."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
 
-    def said(name: str, in_info: str = "") -> Any:
+    def fact(name: str, in_info: str = "") -> Any:
         value = getattr(begun, name)
         return value if value or info is None else getattr(info, in_info or name) or value
 
@@ -273,25 +273,25 @@ def _facts(
         started = moment_of_zero(begun.wall, begun.t, _speed_of(source)) or (info.started if info is not None else "")
     facts = SessionFacts(
         session=source.name,
-        **{name: said(name) for name in IDENTITY},
+        **{name: fact(name) for name in IDENTITY},
         mode=source.mode,
         outcome=judgement.status if judgement is not None else None,
         outcome_reason=judgement.reason if judgement is not None else "",
-        title=said("scenario", "title"),
-        scenario_hash=said("scenario_hash"),
+        title=fact("scenario", "title"),
+        scenario_hash=fact("scenario_hash"),
         changed_to=tuple(each.hash for each in few if isinstance(each, ScenarioRecord)),
-        language=said("language"),
-        robot=said("robot"),
+        language=fact("language"),
+        robot=fact("robot"),
         driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
-        injected_faults=said("injected_faults", "faults"),
-        seed=said("seed"),
+        injected_faults=fact("injected_faults", "faults"),
+        seed=fact("seed"),
         speed=_speed_of(source),
         started=started,
         duration=end,
         ended=source.contents.ended,
         downtime=downtime,
         recoveries=len(recovered),
-        versions=said("versions"),
+        versions=fact("versions"),
     )
     if moved is None:
         return facts
@@ -310,9 +310,9 @@ def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyReco
     if found is not None:
         reason = found.reason if found.reason == GIVEN_UP else source.filter.count_typed_words(found.reason)
         return Judgement(found.status, reason)
-    said = [each for each in few if isinstance(each, OutcomeRecord)]
-    if said:
-        return Judgement(said[-1].status, said[-1].reason)
+    outcomes = [each for each in few if isinstance(each, OutcomeRecord)]
+    if outcomes:
+        return Judgement(outcomes[-1].status, outcomes[-1].reason)
     if not source.contents.ended and is_abandoned(source.folder):
         return Judgement("aborted", GIVEN_UP)
     return None
@@ -411,15 +411,15 @@ def coded_annotation(
     :param interruptions: the session's interruptions, including outages.
     """
     had_outage = span.outage or interruption_between(interruptions, span.begin, span.end) == "outage"
-    is_speech, told = span.tier in file.speech, told_span(span, file, level)
+    is_speech, shown = span.tier in file.speech, span_at_level(span, file, level)
     return CodedAnnotation(
         tier=span.tier,
-        annotator=told.annotator,
+        annotator=shown.annotator,
         begin=span.begin,
         end=span.end,
-        value=told.value,
+        value=shown.value,
         modifiers=span.modifiers,
-        comment=told.comment,
+        comment=shown.comment,
         file=file.name if level.level == "full" else "",
         speech=is_speech,
         outage_s=span.outage or None,

@@ -75,8 +75,8 @@ class SessionRecords:
         values = None if level == "full" else PrivateValues(self._scenario_or_refuse(), private)
         self.filter = LevelFilter(level, values, wizards)
         self.filter.note(self.contents.read_records())
-        told = (each for each in self.contents.read_records() if isinstance(each, SessionRecord))
-        self.begun: SessionRecord | None = next(told, None)
+        sessions = (each for each in self.contents.read_records() if isinstance(each, SessionRecord))
+        self.begun: SessionRecord | None = next(sessions, None)
         """The first readable session record."""
         self.info: SessionInfo | None = None
         """The contents of session.toml. None: it is unreadable."""
@@ -100,8 +100,8 @@ class SessionRecords:
                 yield record
                 continue
             values: dict[str, Any] = self.filter.apply(msgspec.to_builtins(record))
-            told: AnyRecord = msgspec.convert(values, type(record))
-            yield told
+            filtered: AnyRecord = msgspec.convert(values, type(record))
+            yield filtered
 
     def _read_reassigned(self) -> Iterator[AnyRecord]:
         """Give each record, with the new labels if the study's log has reassigned the session."""
@@ -119,14 +119,14 @@ class SessionRecords:
     def _name(self) -> str:
         """Return the folder's name. Below full, run and attempt replace the date."""
         folder = self.folder.resolve().name
-        name, told = self.filter.session_name(folder), self.begun or self.info
-        if name == folder or told is None:
+        name, labels = self.filter.session_name(folder), self.begun or self.info
+        if name == folder or labels is None:
             return name
-        attempt = told.attempt
+        attempt = labels.attempt
         if self.moved is not None:
             attempt = self.moved.attempt
-            name = re.sub(rf"^{re.escape(told.participant)}(?=_|$)", self.moved.participant, name)
-        return f"{name}_run{told.run}" + (f"-attempt{attempt}" if attempt > 1 else "") if told.run else name
+            name = re.sub(rf"^{re.escape(labels.participant)}(?=_|$)", self.moved.participant, name)
+        return f"{name}_run{labels.run}" + (f"-attempt{attempt}" if attempt > 1 else "") if labels.run else name
 
     def _scenario_or_refuse(self) -> Scenario:
         try:

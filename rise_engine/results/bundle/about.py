@@ -173,7 +173,7 @@ class ReviewList:
     def __init__(self, study: Study, level: ExportLevel) -> None:
         self._study = study
         self._level = level
-        self._said = 0
+        self._spoken_freely = 0
         self._typed = 0
         self._own_values: dict[str, None] = {}
         self._words: Counter[str] = Counter()
@@ -184,11 +184,11 @@ class ReviewList:
 
     def add(self, data: SessionData) -> None:
         """Add the typed and spoken texts of a session."""
-        self._said += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
+        self._spoken_freely += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
         for record in data.records:
             if isinstance(record, TaskRecord) and record.source.startswith("wizard:"):
-                told = not _HIDDEN.search(record.behavior)
-                self._typed += record.function == "assignValue" and record.status == "SUCCEEDED" and told
+                is_shown = not _HIDDEN.search(record.behavior)
+                self._typed += record.function == "assignValue" and record.status == "SUCCEEDED" and is_shown
 
     def add_shared(self, folder: Path, shared: SharedSession) -> None:
         """Add a session as it is in the bundle."""
@@ -247,9 +247,9 @@ class ReviewList:
 
     def _spoken(self) -> list[str]:
         found = []
-        if self._said and self._level == "shared":
+        if self._spoken_freely and self._level == "shared":
             found.append(
-                f'{pluralize(self._said, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
+                f'{pluralize(self._spoken_freely, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
                 "read them, redact names, or make the bundle with --level public"
             )
         if self._typed and self._level != "full":

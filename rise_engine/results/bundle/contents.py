@@ -116,7 +116,7 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
     if level == "full":
         return _lines((each.at, each.kind, each.fields) for each in entries)
     count = LevelFilter(level, None).count_typed_words
-    told = []
+    shown = []
     not_counted = {
         str(each.get("folder"))
         for each in entries
@@ -126,17 +126,17 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
         about = {str(each.get("folder")), str(each.get("session"))}
         if each.kind in EXPORTED or about & not_counted:
             continue
-        fields = _told_fields(each.fields, each.kind == "checked", people, count)
+        fields = _fields_at_level(each.fields, each.kind == "checked", people, count)
         for name in ("folder", "session"):
             if isinstance(folder := fields.get(name), str):
-                fields[name] = told_name(folder, names, level)
+                fields[name] = name_at_level(folder, names, level)
         if "started" in fields:
             fields["started"] = ""
-        told.append(("", each.kind, fields))
-    return _lines(told)
+        shown.append(("", each.kind, fields))
+    return _lines(shown)
 
 
-def told_name(folder: str, names: Mapping[str, str], level: ExportLevel) -> str:
+def name_at_level(folder: str, names: Mapping[str, str], level: ExportLevel) -> str:
     """Return the name of a session in the log of a bundle.
 
     :param folder: its folder's name in the study.
@@ -149,28 +149,28 @@ def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
     return "".join(encode({"kind": kind, "at": at, **fields}).decode() + "\n" for at, kind, fields in entries)
 
 
-def _told_fields(
+def _fields_at_level(
     fields: Mapping[str, Any], of_check: bool, people: Mapping[str, str], count: Callable[[str], str]
 ) -> dict[str, Any]:
     """Remove names, dates and typed texts from the fields of an entry, or of a check within an entry."""
-    told: dict[str, Any] = {}
+    shown: dict[str, Any] = {}
     for name, value in fields.items():
         if isinstance(value, list):
-            told[name] = [
-                _told_fields(each, name == "checks", people, count) if isinstance(each, dict) else each
+            shown[name] = [
+                _fields_at_level(each, name == "checks", people, count) if isinstance(each, dict) else each
                 for each in value
             ]
         elif not isinstance(value, str):
-            told[name] = value
+            shown[name] = value
         elif name == "reason" or (name == "value" and not of_check):
-            told[name] = count(value)
+            shown[name] = count(value)
         elif name == "value" and fields.get("text") == AUTOMATIC["wizard"]:
-            told[name] = people.get(value, "W") if value else ""
+            shown[name] = people.get(value, "W") if value else ""
         elif name in ("value", "text"):
-            told[name] = without_dates_and_places(value)
+            shown[name] = without_dates_and_places(value)
         else:
-            told[name] = _without_people(value, people)
-    return told
+            shown[name] = _without_people(value, people)
+    return shown
 
 
 def _without_people(value: str, people: Mapping[str, str]) -> str:

@@ -92,20 +92,20 @@ def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[st
     state = read_state(root)
     options, folders = about.options, sessions_in_order(root, state)
     study = with_license(state.study, options)
-    said: list[tuple[str, str]] = []
+    warnings: list[tuple[str, str]] = []
     for name in FORMATS:
         context = export_context(folders, options.level)
         context.standing, context.study = state.standing, study
         sessions = read_sessions(folders, level=options.level, private=options.private)
         load_format(name).write(target / name, sessions, context)
-        said += [(name, each) for each in context.warnings]
+        warnings += [(name, each) for each in context.warnings]
     made = make_study_report(root, options.level, options.private, omitted=about.rehearsals)
     (target / REPORT).mkdir(0o700)
     (target / REPORT / "report.html").write_text(page_text(made.document), "utf-8")
     (target / REPORT / "sheet.md").write_text(made.sheet, "utf-8")
     people = participants_text(state.study, state.participants, options.level)
     (target / PARTICIPANTS_FILE).write_text(people, "utf-8")
-    return said
+    return warnings
 
 
 def sessions_in_order(root: Path, state: StudyStatus | None) -> list[Path]:
@@ -273,9 +273,9 @@ def check_inputs(root: Path, state: StudyStatus, folders: Sequence[Path]) -> Inp
 
 def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -> None:
     study, planned = state.study, last_planned(state.log)
-    told = [each for each in runs if each.labels.get("study_hash")]
-    same = [each for each in told if each.labels["study_hash"] == study.hash]
-    if not told:
+    hashed = [each for each in runs if each.labels.get("study_hash")]
+    same = [each for each in hashed if each.labels["study_hash"] == study.hash]
+    if not hashed:
         found.open.append(f"{STUDY_FILE}: no session says with which one it was run")
     elif not same and planned is not None and planned.get("design_hash") == study.design_hash:
         found.open.append(
@@ -284,12 +284,12 @@ def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -
         )
     elif not same:
         found.problems.append(
-            f"{STUDY_FILE}: no session was run with it: their hash is {told[-1].labels['study_hash'][:16]}..., and "
+            f"{STUDY_FILE}: no session was run with it: their hash is {hashed[-1].labels['study_hash'][:16]}..., and "
             f"its hash is {study.hash[:16]}...; it was changed after the last session, or in the bundle"
         )
     else:
         found.proved.append(
-            f"{STUDY_FILE} is what it was in {_of(same, told)} (study_hash); [wizards], [report], [retention], "
+            f"{STUDY_FILE} is what it was in {_of(same, hashed)} (study_hash); [wizards], [report], [retention], "
             "[participants] and comments may have been written later"
         )
 

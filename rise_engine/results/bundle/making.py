@@ -32,9 +32,9 @@ from rise_engine.results.bundle.contents import (
     copy_scenarios,
     environment_text,
     log_text,
+    name_at_level,
     participants_text,
     study_text,
-    told_name,
     wheel_in,
     write_program,
 )
@@ -56,7 +56,7 @@ from rise_engine.results.bundle.derived import (
     write_derived,
 )
 from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, OmittedSession, load_format
-from rise_engine.results.export.trial_tables import answers_text, told_answers
+from rise_engine.results.export.trial_tables import answers_at_level, answers_text
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.folder import INFO, JOURNAL
@@ -82,7 +82,7 @@ class BundleReport(Struct):
 
     contents: list[str] = field(default_factory=list)
     omitted: list[str] = field(default_factory=list)
-    look_at: list[str] = field(default_factory=list)
+    to_check: list[str] = field(default_factory=list)
     """What a person should check before sharing it."""
     sessions: int = 0
     """The number of sessions in it."""
@@ -118,7 +118,7 @@ def make_bundle(
     try:
         with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
             bundle = _Bundle(read_state(study), folders, options)  # read again: from now on, changes are detected
-            bundle.report.look_at += [*map(str, omitted), *export.problems]
+            bundle.report.to_check += [*map(str, omitted), *export.problems]
             here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
@@ -176,8 +176,8 @@ class _Bundle:
             if not proof.proved:
                 differs = (proof.comparison.why,) if proof.comparison is not None and not proof.identical else ()
                 changed += [f"{proof.name}: {each}" for each in (*differs, *proof.problems)]
-        self.report.look_at += [f"{each}. rise-engine reproduce will report it too" for each in changed]
-        self.report.look_at += self._review_list.sentences(root, self._people, license)
+        self.report.to_check += [f"{each}. rise-engine reproduce will report it too" for each in changed]
+        self.report.to_check += self._review_list.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
         readme = readme_text(self._study, self._level, self.report.contents, self.report.omitted, wheel_in(root))
         (root / "README.md").write_text(readme, "utf-8")
@@ -196,7 +196,7 @@ class _Bundle:
         why = OmittedSession(folder.name, "it cannot be read", f"it cannot be read: {error}", unread=True)
         if why not in self._unread:
             self._unread.append(why)
-            self.report.look_at.append(str(why))
+            self.report.to_check.append(str(why))
 
     def _list_omitted(self, omitted: Sequence[OmittedSession]) -> None:
         """List the omitted sessions for others, with their names at the level. Withdrawn participants are not named."""
@@ -206,7 +206,7 @@ class _Bundle:
         known = {each.name for each in self._state.sessions}
         for each in omitted:
             if each not in gone:
-                name = f"session {told_name(each.name, self._names, self._level)}"
+                name = f"session {name_at_level(each.name, self._names, self._level)}"
                 self.report.omitted.append(f"{name if each.name in known else 'a folder'}, because {each.why}")
 
     def _write_sessions(self, target: Path) -> None:
@@ -284,7 +284,7 @@ class _Bundle:
                 f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
             )
         warnings: list[str] = []
-        for answers in told_answers(study, self._level, (each.facts for each in self._sessions), warnings):
+        for answers in answers_at_level(study, self._level, (each.facts for each in self._sessions), warnings):
             file = root / answers.settings.file
             make_private_folder(file.parent)
             write_private_file(file, answers_text(answers).encode())
@@ -294,7 +294,7 @@ class _Bundle:
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
         for each in self._state.sessions:
             if each.name not in names and (self._level == "full" or each.entry.purpose == "counted"):
-                self._absent[told_name(each.name, names, self._level)] = "it was left out when the bundle was made"
+                self._absent[name_at_level(each.name, names, self._level)] = "it was left out when the bundle was made"
         copied, omitted = copy_scenarios(study, root)
         self.report.omitted += omitted
         return [*inputs, *copied]
@@ -327,7 +327,7 @@ class _Bundle:
                 counts[path.relative_to(root).parts[0]] += 1
         people = len({each.facts.participant for each in self._sessions})
         every = self._identical == self.report.sessions
-        told = {
+        descriptions = {
             SESSIONS: f"{pluralize(self.report.sessions, 'session')} of {pluralize(people, 'participant')}, "
             f"{'which' if every else f'{self._identical} of which'} can be run again (rise-engine reproduce)",
             STUDY_FILE: "the design",
@@ -347,7 +347,7 @@ class _Bundle:
         lines = []
         for name in sorted(counts):
             files = f" ({pluralize(counts[name], 'file')})" if (root / name).is_dir() else ""
-            lines.append(f"{name}{'/' if files else ''}: {told.get(name, 'a scenario')}{files}")
+            lines.append(f"{name}{'/' if files else ''}: {descriptions.get(name, 'a scenario')}{files}")
         return lines
 
     def _crate_contents(self, inputs: Sequence[str], license: str) -> CrateContents:

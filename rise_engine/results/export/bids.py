@@ -42,7 +42,7 @@ from rise_engine.results.export.course_tables import ACTS
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, new_file
 from rise_engine.results.export.session_tables import factor_column
 from rise_engine.results.export.table_schema import UNSAFE, Column, Row
-from rise_engine.results.export.trial_tables import told_answers
+from rise_engine.results.export.trial_tables import answers_at_level
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record
@@ -175,12 +175,12 @@ class _Dataset:
             "The participant, as in participants.tsv.",
             lambda answers: f"sub-{self._labels.label(answers.participant)}",
         )
-        for told in told_answers(context.study, context.level, self._sessions, context.warnings):
-            columns = {column.name: column for column in (participant, *told.columns)}
-            for run in sorted({answers.run or 0 for _, answers in told.rows}):
-                rows = (cells(columns, answers) for _, answers in told.rows if (answers.run or 0) == run)
-                stem = self._root / "phenotype" / (f"{told.name}_run{run}" if run else told.name)
-                about = told.settings.about or told.about
+        for questionnaire in answers_at_level(context.study, context.level, self._sessions, context.warnings):
+            columns = {column.name: column for column in (participant, *questionnaire.columns)}
+            for run in sorted({answers.run or 0 for _, answers in questionnaire.rows}):
+                rows = (cells(columns, answers) for _, answers in questionnaire.rows if (answers.run or 0) == run)
+                stem = self._root / "phenotype" / (f"{questionnaire.name}_run{run}" if run else questionnaire.name)
+                about = questionnaire.settings.about or questionnaire.about
                 about = f"{about.rstrip('.')}. Asked after run {run}." if run else about
                 self._write(stem.with_suffix(".tsv"), table_text(columns, rows))
                 self._write_json(
@@ -189,7 +189,7 @@ class _Dataset:
 
     def _description(self) -> dict[str, Any]:
         study = self._context.study
-        said = study.report if study is not None else {}
+        report = study.report if study is not None else {}
         titles = dict.fromkeys(each.title for facts in self._tasks.values() for each in facts)
         description: dict[str, Any] = {
             "Name": study.title if study is not None else ", ".join(titles) or "RISE sessions",
@@ -204,13 +204,13 @@ class _Dataset:
             ],
             "SourceDatasets": [{"URL": "bids::sourcedata/rise"}],
         }
-        if said.get("license"):
-            description["License"] = said["license"]
-        description["Authors"] = [each.name for each in authors_of(said)]
+        if report.get("license"):
+            description["License"] = report["license"]
+        description["Authors"] = [each.name for each in authors_of(report)]
         for key, name in (("EthicsApprovals", "ethics"), ("Funding", "funding")):
-            if said.get(name):
-                description[key] = [said[name]]
-        missing = [name for name in ("authors", "license") if not said.get(name)]
+            if report.get(name):
+                description[key] = [report[name]]
+        missing = [name for name in ("authors", "license") if not report.get(name)]
         if missing:
             self._context.warnings.append(
                 f"dataset_description.json does not say {' and '.join(missing)}: write them there, or in study.toml "
@@ -220,16 +220,16 @@ class _Dataset:
 
     def _task_description(self, task: str, facts: list[SessionFacts]) -> dict[str, Any]:
         study = self._context.study
-        said = study.report if study is not None else {}
+        report = study.report if study is not None else {}
         versions = dict.fromkeys(each.versions.get("rise-tui", "") for each in facts)
         systems = dict.fromkeys(each.versions.get("system", "") for each in facts)
         return {
             "TaskName": task,
-            "TaskDescription": said.get("story") or ", ".join(dict.fromkeys(each.title for each in facts)),
-            "Instructions": said.get("instructions") or "n/a",
-            "InstitutionName": said.get("institution") or "n/a",
-            "InstitutionAddress": said.get("institution_address") or "n/a",
-            "InstitutionalDepartmentName": said.get("department") or "n/a",
+            "TaskDescription": report.get("story") or ", ".join(dict.fromkeys(each.title for each in facts)),
+            "Instructions": report.get("instructions") or "n/a",
+            "InstitutionName": report.get("institution") or "n/a",
+            "InstitutionAddress": report.get("institution_address") or "n/a",
+            "InstitutionalDepartmentName": report.get("department") or "n/a",
             "StimulusPresentation": {
                 "OperatingSystem": ", ".join(filter(None, systems)) or "n/a",
                 "SoftwareName": "rise-tui",

@@ -24,7 +24,7 @@ class Person(Struct, frozen=True):
 
     label: str
     group: str
-    said: Participant | None
+    participant: Participant | None
     """Their row in participants.csv. None: they are not in it."""
 
 
@@ -111,21 +111,21 @@ def _column_of(column: str, name: str, levels: tuple[str, ...], about: str) -> C
     return replace(
         described,
         about=about or described.about,
-        value=lambda person: person.said and cut_age(name, _value(person.said, name)),
+        value=lambda person: person.participant and cut_age(name, _value(person.participant, name)),
         levels={level: level for level in levels},
     )
 
 
 def _fits(name: str, values: list[str]) -> bool:
     """Whether a column that BIDS defines has values that BIDS allows."""
-    said = [each for each in values if each]
+    filled = [each for each in values if each]
     match name:
         case "age":
-            return all(_number(each) is not None for each in said)
+            return all(_number(each) is not None for each in filled)
         case "sex":
-            return all(each in _SEXES for each in said)
+            return all(each in _SEXES for each in filled)
         case "handedness":
-            return all(each in _HANDS for each in said)
+            return all(each in _HANDS for each in filled)
         case "participant_id" | "group" | "species" | "strain" | "strain_rrid" | "HED":
             return False
     return name not in ENTITIES

@@ -268,7 +268,7 @@ def _configuration(ethogram: _Ethogram) -> dict[str, Any]:
 
 def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -> dict[str, str]:
     facts = data.facts
-    told = {
+    labelled = {
         "participant": (facts.participant, "The participant, by a pseudonym"),
         "condition": (facts.condition, "The levels of the session together"),
         "mode": (facts.mode, "debug: the robot was simulated"),
@@ -279,10 +279,10 @@ def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -
     }
     for name in dict.fromkeys([*factors, *facts.factors]):  # all observations have all of them
         level = facts.factors.get(name, "")
-        label = next(each for each in _candidates(one_line(name) or "factor", "factor") if each not in told)
-        told[label] = (level if isinstance(level, str) else json.dumps(level), "A factor of the study")
-    ethogram.variables |= {label: about for label, (_, about) in told.items()}
-    return {label: one_line(value) for label, (value, _) in told.items()}
+        label = next(each for each in _candidates(one_line(name) or "factor", "factor") if each not in labelled)
+        labelled[label] = (level if isinstance(level, str) else json.dumps(level), "A factor of the study")
+    ethogram.variables |= {label: about for label, (_, about) in labelled.items()}
+    return {label: one_line(value) for label, (value, _) in labelled.items()}
 
 
 def _candidates(name: str, category: str) -> Iterator[str]:

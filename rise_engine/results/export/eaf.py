@@ -124,7 +124,7 @@ def _add_media(header: etree._Element, linked: LinkedFile, folder: Path) -> None
 def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[tuple[str, str]]:
     """Return ELAN's own properties, and those that identify the session and its time."""
     facts = data.facts
-    told = {
+    properties = {
         SESSION: facts.session,
         "rise participant": facts.participant,
         "rise condition": facts.condition,
@@ -138,7 +138,7 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
     return [
         ("URN", f"urn:nl-mpi-tools-elan-eaf:{urn}"),
         ("lastUsedAnnotationId", str(annotations)),
-        *((key, value) for key, value in told.items() if value),
+        *((key, value) for key, value in properties.items() if value),
     ]
 
 
@@ -217,14 +217,14 @@ def write_textgrid(out: Path, sessions: Iterable[SessionData], context: ExportCo
     for data in sessions:
         clock = recording_clock(data, context.warnings, first="audio", alone=True)
         found = lay_out(spans_of(data), clock, data.facts.duration)
-        tell_whose_time(data, clock, context.warnings)
+        warn_of_time(data, clock, context.warnings)
         warn_of_lost(data, found.lost, context.warnings)
         end = max(found.end, *(round((each.file.duration or 0.0) * 1000) for each in clock.linked), 0)
         with out.open("x", encoding="utf-8", newline="\n") as file:
             file.writelines(f"{line}\n" for line in _lines(found.tiers, end))
 
 
-def tell_whose_time(data: SessionData, clock: MediaClock, warnings: list[str]) -> None:
+def warn_of_time(data: SessionData, clock: MediaClock, warnings: list[str]) -> None:
     """Warn which recording's time a file has, because the file cannot contain this."""
     if clock.linked:
         warnings.append(

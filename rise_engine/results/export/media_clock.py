@@ -98,7 +98,7 @@ def recording_clock(
     linked = [
         LinkedFile(file=each, path=_path(data, each), origin=offset_at_start(each, gaps) - offset) for each in files
     ]
-    _tell_doubts(data, files, gaps, warnings)
+    _warn_of_doubts(data, files, gaps, warnings)
     return MediaClock(rate=leader.rate, shift=offset, gaps=gaps, linked=tuple(linked))
 
 
@@ -124,7 +124,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
             )
     late = max(0.0, *(begins[id(each)] for each in together))
     linked = [LinkedFile(file=each, path=_path(data, each), origin=late - begins[id(each)]) for each in together]
-    _tell_doubts(data, together, gaps, warnings)
+    _warn_of_doubts(data, together, gaps, warnings)
     return MediaClock(rate=together[0].rate, shift=0.0 - late, gaps=gaps, linked=tuple(linked))
 
 
@@ -153,7 +153,7 @@ def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> 
     return sorted(found, key=lambda file: (file.kind != first, not _rate_is_measured(file)))
 
 
-def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Outage, ...], warnings: list[str]) -> None:
+def _warn_of_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Outage, ...], warnings: list[str]) -> None:
     """Warn about uncertain alignments of linked files. The first file sets the clock of the annotations."""
     leader, session = files[0], data.facts.session
     if gaps:

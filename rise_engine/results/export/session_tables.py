@@ -53,8 +53,8 @@ def _answers(data: SessionData) -> list[float]:
     return [each for act in data.acts if (each := act.answer_s) is not None]
 
 
-def _told(tell: Callable[[Summary], float | None]) -> Value:
-    return lambda row: tell(told) if (told := summarise(_answers(row.data))) is not None else None
+def _answer_figure(figure: Callable[[Summary], float | None]) -> Value:
+    return lambda row: figure(summary) if (summary := summarise(_answers(row.data))) is not None else None
 
 
 def _points(kind: str) -> Value:
@@ -182,12 +182,12 @@ SESSIONS = TableSchema(
         seconds(
             "response_median_s",
             "Median of response_s of these answers; empty: there are none.",
-            _told(lambda told: told.median),
+            _answer_figure(lambda summary: summary.median),
         ),
         seconds(
             "response_iqr_s",
             "Interquartile range of response_s; quartiles as in R and numpy (Hyndman and Fan 7).",
-            _told(lambda told: told.iqr),
+            _answer_figure(lambda summary: summary.iqr),
         ),
         count(
             "responses_over_2s",
@@ -253,12 +253,12 @@ CHECKS = TableSchema(
 
 def _recording_rows(data: SessionData) -> Iterator[Row]:
     """Return each recorder's last report with its files, then the files without a report."""
-    said = {each.name for each in data.recordings}
+    reported = {each.name for each in data.recordings}
     pairs: list[tuple[Any, Any]] = []
     for each in data.recordings:
         files = [file for file in data.media if file.name == each.name]
         pairs += [(each, file) for file in files] or [(each, None)]
-    pairs += [(None, file) for file in data.media if file.name not in said]
+    pairs += [(None, file) for file in data.media if file.name not in reported]
     return (Row(data, number, each, file) for number, (each, file) in enumerate(pairs, 1))
 
 
@@ -327,9 +327,9 @@ def factor_column(name: str, study: Study | None) -> Column:
 
 
 def _level_text(level: Level) -> str:
-    told = [level.description] if level.description else []
-    told += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
-    return "; ".join([*told, f"scenario {level.scenario}"] if level.scenario else told)
+    parts = [level.description] if level.description else []
+    parts += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
+    return "; ".join([*parts, f"scenario {level.scenario}"] if level.scenario else parts)
 
 
 # --- rows of withdrawn participants -----------------------------------------------------------------------------------

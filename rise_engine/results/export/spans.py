@@ -151,9 +151,9 @@ def _name_of(act: PlayedAct) -> str:
 def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
     for cue in data.cues:
         end, text = _answer_of(cue, data)
-        said = f"{text} ({cue.text})" if cue.text else text
+        label = f"{text} ({cue.text})" if cue.text else text
         code = CUE if cue.undone_at is None else CUE_UNDONE
-        yield TierSpan(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
+        yield TierSpan(tier=CUE, start=cue.at, end=end, text=label, code=code, doer="participant")
 
 
 def _answer_of(cue: Cue, data: SessionData) -> tuple[float | None, str]:
@@ -217,8 +217,10 @@ def _lengthened(span: TierSpan, run: list[Phase]) -> TierSpan:
 
 
 def _state_text(phase: Phase) -> str:
-    said = [word for word in ("stepped back" if phase.stepped_back else "", phase.ended_by) if word and word != "ended"]
-    return f"{phase.state} ({', '.join(said)})" if said else phase.state
+    notes = [
+        word for word in ("stepped back" if phase.stepped_back else "", phase.ended_by) if word and word != "ended"
+    ]
+    return f"{phase.state} ({', '.join(notes)})" if notes else phase.state
 
 
 # --- moments ----------------------------------------------------------------------------------------------------------

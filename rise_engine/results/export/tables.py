@@ -34,7 +34,7 @@ from rise_engine.results.export.table_schema import (
     resource,
     safe_cell,
 )
-from rise_engine.results.export.trial_tables import TRIALS, ToldAnswers, WideTable, declared_column, told_answers
+from rise_engine.results.export.trial_tables import TRIALS, AnswersAtLevel, WideTable, answers_at_level, declared_column
 from rise_engine.study.publishing import package_facts
 from rise_engine.study.questionnaires import ValueType, type_of_values
 
@@ -99,8 +99,8 @@ def _spss_table(table: DescribedTable) -> Iterator[str]:
         for at, (name, column) in enumerate(labelled):
             yield f"  {'/' * (at > 0)}{name}"
             for value, label in column.levels.items():
-                told = value if column.type in _NUMBERS else _spss_quoted(value)
-                yield f"    {told} {_spss_quoted(label, _LONGEST_VALUE_LABEL)}"
+                written = value if column.type in _NUMBERS else _spss_quoted(value)
+                yield f"    {written} {_spss_quoted(label, _LONGEST_VALUE_LABEL)}"
         yield "  ."
     yield f"DATASET COPY {table.name}."  # PSPP keeps no DATASET NAME when the next table replaces it
 
@@ -173,11 +173,11 @@ def _r_items(items: dict[str, str]) -> list[str]:
 
 
 def _r_values(column: Column) -> str:
-    told = (
+    written = (
         f"{_r_quoted(label)} = {value if column.type in _NUMBERS else _r_quoted(value)}"
         for value, label in column.levels.items()
     )
-    return f"c({', '.join(told)})"
+    return f"c({', '.join(written)})"
 
 
 def _r_quoted(text: str) -> str:
@@ -253,7 +253,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
     facts = [*FACTS, *(factor_column(name, context.study) for name in context.factors)]
     trials = replace(TRIALS, columns=(*TRIALS.columns, *map(declared_column, context.trial_columns or ())))
     wide = WideTable(context) if context.wide else None
-    told: list[tuple[SessionFacts, list[str]]] = []
+    exported: list[tuple[SessionFacts, list[str]]] = []
     with ExitStack() as files:
 
         def open_table(schema: TableSchema, facts: Sequence[Column]) -> _OpenTable:
@@ -267,13 +267,13 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
                 named = ", ".join(sorted(unknown))
                 raise ExportError(f"{data.facts.session} has the factors {named}, which are not those of this export")
             values = [cell(column.of(Row(data, 1, data.facts))) for column in facts]
-            told.append((data.facts, values))
+            exported.append((data.facts, values))
             for table in tables:
                 table.add(table.schema.rows(data), values)
             if wide is not None:
                 wide.add(data)
-        cells = {each.session: values for each, values in told}
-        answered = told_answers(context.study, context.level, (each for each, _ in told), context.warnings)
+        cells = {each.session: values for each, values in exported}
+        answered = answers_at_level(context.study, context.level, (each for each, _ in exported), context.warnings)
         for answers in answered:
             schema, shared = _questionnaire_table(answers, facts)
             table = open_table(schema, shared)
@@ -284,7 +284,9 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             tables[-1].add(wide.rows())
     title = context.study.title if context.study is not None else "Sessions of rise-tui"
     name = re.sub(r"[^a-z0-9]+", "-", context.study.id.lower()).strip("-") if context.study is not None else "sessions"
-    about = _ABOUT.format(sessions=f"{len(told)} sessions" if len(told) != 1 else "one session", level=context.level)
+    about = _ABOUT.format(
+        sessions=f"{len(exported)} sessions" if len(exported) != 1 else "one session", level=context.level
+    )
     about += f" {SAFE if context.spreadsheet_safe else UNSAFE}"
     published = package_facts(context.study.report) if context.study is not None else None
     package = data_package(name or "sessions", title, about, [table.described() for table in tables], published)
@@ -300,7 +302,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
             file.write(content)
 
 
-def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
+def _questionnaire_table(answers: AnswersAtLevel, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
     """Return the table of a questionnaire and the facts in its rows: those of the session of its run, or those that all
     sessions of the participant share."""
     name = f"questionnaire_{answers.name}"
@@ -317,7 +319,7 @@ def _no_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _add_answers(
-    table: _OpenTable, answers: ToldAnswers, cells: Mapping[str, list[str]], places: Sequence[int]
+    table: _OpenTable, answers: AnswersAtLevel, cells: Mapping[str, list[str]], places: Sequence[int]
 ) -> None:
     for sessions, row in answers.rows:
         values = [{cells[each.session][place] for each in sessions} for place in places]

@@ -41,7 +41,7 @@ _NOT_HERE = "unknown-participant"
 """The diagnostic for a row of an unknown participant, which is omitted without any other effect."""
 
 
-class ToldAnswers(Struct, frozen=True):
+class AnswersAtLevel(Struct, frozen=True):
     """A questionnaire at an export level."""
 
     settings: QuestionnaireSettings
@@ -59,14 +59,14 @@ class ToldAnswers(Struct, frozen=True):
     @property
     def about(self) -> str:
         """A description of one row."""
-        told = self.settings.about.rstrip(".")
+        about = self.settings.about.rstrip(".")
         of_run = "a participant after a run" if self.settings.run else "a participant"
-        return f"One row is what {of_run} answered in the questionnaire {self.name}{f' ({told})' if told else ''}."
+        return f"One row is what {of_run} answered in the questionnaire {self.name}{f' ({about})' if about else ''}."
 
 
-def told_answers(
+def answers_at_level(
     study: Study | None, level: ExportLevel, sessions: Iterable[SessionFacts], warnings: list[str]
-) -> list[ToldAnswers]:
+) -> list[AnswersAtLevel]:
     """Return the questionnaires of a study, for the participants in an export.
 
     :param study: the study; None: the sessions belong to none, or to several.
@@ -84,9 +84,9 @@ def told_answers(
         read = load_questionnaire(study, settings, people)
         omitted = _report(read, warnings)
         if read.items:
-            told = _told(read, level, known, warnings)
-            omitted += told.omitted
-            found.append(replace(told, omitted=tuple(omitted)))
+            shown = _at_level(read, level, known, warnings)
+            omitted += shown.omitted
+            found.append(replace(shown, omitted=tuple(omitted)))
         warnings += omitted
     return found
 
@@ -107,7 +107,9 @@ def _omission_notes(settings: QuestionnaireSettings, lines: Sequence[int], why: 
     return [f"{settings.file}, line {name_some(lines)}: left out, because {why}"] if lines else []
 
 
-def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts], warnings: list[str]) -> ToldAnswers:
+def _at_level(
+    read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts], warnings: list[str]
+) -> AnswersAtLevel:
     """Apply the level to typed answers, that is, to text items without levels."""
     settings, count = read.settings, LevelFilter(level, None).count_typed_words
     typed = [item.name for item in read.items if item.type == "string" and not item.levels]
@@ -117,8 +119,8 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
         runs = dict.fromkeys(each.run for each in theirs if answers.run in (None, each.run))
         about = [_of_run([each for each in theirs if each.run == run]) for run in runs]
         if about:
-            told = {name: count(value) if name in typed else value for name, value in answers.values.items()}
-            rows.append((tuple(about), replace(answers, values=told)))
+            values = {name: count(value) if name in typed else value for name, value in answers.values.items()}
+            rows.append((tuple(about), replace(answers, values=values)))
         else:
             nowhere.append(answers.line)
     there = {(answers.participant, answers.run) for _, answers in rows}
@@ -137,7 +139,7 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
         for item in read.items
     )
     omitted = _omission_notes(settings, nowhere, "there is no session of this participant and run in it")
-    return ToldAnswers(settings, columns, tuple(rows), tuple(omitted))
+    return AnswersAtLevel(settings, columns, tuple(rows), tuple(omitted))
 
 
 def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
@@ -146,14 +148,14 @@ def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
     return (complete or sessions)[-1]
 
 
-def answers_text(told: ToldAnswers) -> str:
+def answers_text(answered: AnswersAtLevel) -> str:
     """Write the file of a questionnaire at an export level. Reading it again gives the same."""
-    settings = told.settings
+    settings = answered.settings
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     keys = [settings.key, *([settings.run] if settings.run else [])]
-    rows.writerow([*keys, *(column.name for column in told.columns)])
-    for _, answers in told.rows:
+    rows.writerow([*keys, *(column.name for column in answered.columns)])
+    for _, answers in answered.rows:
         run = [str(answers.run)] if settings.run else []
         rows.writerow([answers.participant, *run, *answers.values.values()])
     return text.getvalue()
@@ -293,7 +295,7 @@ class WideTable:
         factors = self._study.factors if self._study is not None else ()
         return {each.name for each in factors if each.kind == "between"}
 
-    def schema(self, answered: Iterable[ToldAnswers] = ()) -> TableSchema:
+    def schema(self, answered: Iterable[AnswersAtLevel] = ()) -> TableSchema:
         """Return its columns. Each takes its value from a participant's name and trials.
 
         :param answered: the questionnaires of the export.
@@ -339,8 +341,8 @@ class WideTable:
 
             def value(row: _WideRowRow, name: str = name) -> str:
                 person = known.get(row[0][1])
-                told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
-                return told if is_full else cut_age(name, told)
+                text = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
+                return text if is_full else cut_age(name, text)
 
             yield Column(name, f"{name}, from participants.csv.", value, "any")
 
@@ -376,8 +378,8 @@ class WideTable:
                 found = all_of(row)
                 return found[at] if at < len(found) else None
 
-            told = f"{measure} of trial {at + 1} {where}, in their order over the participant's sessions."
-            yield Column(f"{block}.t{at + 1:02}", told, one, "number", unit)
+            description = f"{measure} of trial {at + 1} {where}, in their order over the participant's sessions."
+            yield Column(f"{block}.t{at + 1:02}", description, one, "number", unit)
 
 
 def _count_of_trials(condition: str) -> Column:
@@ -389,7 +391,7 @@ def _count_of_trials(condition: str) -> Column:
     return Column(f"trials.{condition}", about, number, "integer", minimum=0)
 
 
-def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
+def _columns_of_answers(answers: AnswersAtLevel) -> Iterator[Column]:
     """Give the columns of a questionnaire: `NAME.ITEM`, or `NAME.ITEM.run1`, ... if it is asked after each run."""
     rows = {(row.participant, row.run): row for _, row in answers.rows}
     for run in sorted({row.run for _, row in answers.rows}, key=lambda run: run or 0):

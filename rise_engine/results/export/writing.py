@@ -116,8 +116,8 @@ def _factors_of(folder: Path) -> Iterable[str]:
 def _trial_columns_of(folder: Path) -> list[str] | None:
     """Return the columns of trials that a session's scenario declares. None: it has no trials, or is unreadable."""
     try:
-        said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
-        return [text for text in said.get("columns", ()) if isinstance(text, str)]
+        settings = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
+        return [text for text in settings.get("columns", ()) if isinstance(text, str)]
     except (OSError, ValueError, KeyError, AttributeError, TypeError):  # reading the session reports the error
         return None
 

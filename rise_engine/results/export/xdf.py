@@ -98,8 +98,8 @@ def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
 
 def _file_time(facts: SessionFacts) -> dict[str, str]:
     """Return the time of recording in LabRecorder's form, if the level shows it."""
-    told = started_text(facts.started, lambda at: f"{at:%Y-%m-%dT%H:%M:%S}.{at.microsecond // 1000:03d}{at:%z}")
-    return {"datetime": told} if told else {}
+    started = started_text(facts.started, lambda at: f"{at:%Y-%m-%dT%H:%M:%S}.{at.microsecond // 1000:03d}{at:%z}")
+    return {"datetime": started} if started else {}
 
 
 def _write_samples(file: BinaryIO, stream: int, samples: Sequence[Sample]) -> None:

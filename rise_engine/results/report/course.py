@@ -80,9 +80,9 @@ def omitted_rules(phases: Iterable[Phase]) -> list[str]:
 
 
 def _cue_span(cue: Cue, end: float, data: SessionData) -> LaneSpan:
-    said = f", \u201c{cue.text}\u201d" if cue.text else ""
+    text = f", \u201c{cue.text}\u201d" if cue.text else ""
     if cue.answered_at is None:
-        return LaneSpan(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{said}, not answered", "unanswered")
+        return LaneSpan(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{text}, not answered", "unanswered")
     waits = with_interruption(
         seconds_text(cue.answered_at - cue.at),
         seconds_without_engine(data.outages, cue.at, cue.answered_at),
@@ -127,8 +127,8 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[L
 def _moments(points: Iterable[Point]) -> Iterable[MomentMark]:
     for point in points:
         if (kind := _MARKS.get(point.kind)) is not None and point.name not in _NO_NEWS:
-            told = " ".join(filter(None, (point.name, point.value)))
-            yield MomentMark(point.at, f"{clock_text(point.at)} {point.kind}: {told}", kind)
+            text = " ".join(filter(None, (point.name, point.value)))
+            yield MomentMark(point.at, f"{clock_text(point.at)} {point.kind}: {text}", kind)
 
 
 def _rule_lanes(phases: Sequence[Phase], outages: Sequence[Outage]) -> list[Lane]:

@@ -180,15 +180,15 @@ def cause_text(by: str, via: Sequence[str]) -> str:
     return f"{source_name(by)}, through {' > '.join(via)}" if via else source_name(by)
 
 
-def with_interruption(told: str, outage: float | None, kind: InterruptionKind | None = None) -> str:
+def with_interruption(text: str, outage: float | None, kind: InterruptionKind | None = None) -> str:
     """Add the interruption to a duration in words.
 
     >>> with_interruption("12.0 s", None), with_interruption("12.0 s", None, "stop")
     ('12.0 s', '12.0 s, partly with everything stopped')
     """
     if kind in PARTLY_WITH:
-        return f"{told}, partly with {PARTLY_WITH[kind]}"
-    return f"{told} and {length_text(outage)} without an engine" if outage else told
+        return f"{text}, partly with {PARTLY_WITH[kind]}"
+    return f"{text} and {length_text(outage)} without an engine" if outage else text
 
 
 def interval_text(share: Share) -> str:

@@ -323,7 +323,7 @@ class SessionFigures(Struct, frozen=True):
     cues: int
     """The number of cues that were not undone."""
     answered: int
-    said_freely: Share
+    free_speech_share: Share
     """The share of the robot's speech that a wizard typed."""
 
 
@@ -345,7 +345,7 @@ def session_figures(data: SessionData) -> SessionFigures:
         actors=dict(actors.most_common()),
         cues=len(cues),
         answered=sum(cue.answered_at is not None for cue in cues),
-        said_freely=Share(sum(act.act == FREE_SPEECH for act in spoken), len(spoken)),
+        free_speech_share=Share(sum(act.act == FREE_SPEECH for act in spoken), len(spoken)),
     )
 
 
@@ -404,9 +404,9 @@ _OF_MISTAKES = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecor
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(part.status for act in data.acts for part in act.parts)
-    told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # one pass that keeps few records
-    holders = [each.holder.partition("#")[0] for each in told if isinstance(each, ControlRecord) and each.holder]
-    links = ["connected", *(record.status for record in told if isinstance(record, RobotRecord))]
+    records = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # one pass that keeps few records
+    holders = [each.holder.partition("#")[0] for each in records if isinstance(each, ControlRecord) and each.holder]
+    links = ["connected", *(record.status for record in records if isinstance(record, RobotRecord))]
     return MistakeFacts(
         marks={mark: marks[mark] for mark in MARKS if marks[mark]},
         marked=Share(sum(key.mark is not None for key in data.keys), len(data.keys)),
@@ -414,12 +414,12 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
         canceled=sum(act.status == "CANCELED" for act in begun),
         actions_failed={name: actions[name] for name in _NOT_DONE if actions[name]},
         aborted=sum(act.status == "ABORTED" for act in begun),
-        failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in told),
-        rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in told),
+        failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in records),
+        rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in records),
         # The engine's own stop at the end of a session does not count.
         stops=sum(
             isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
-            for record in told
+            for record in records
         ),
         robot_lost=sum(now == "lost" != before for before, now in pairwise(links)),
         robot_degraded=sum((before, now) == ("connected", "degraded") for before, now in pairwise(links)),

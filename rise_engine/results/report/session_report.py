@@ -99,34 +99,34 @@ def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[
     if level == "full":
         yield from (Paragraph(problem, "warning") for problem in problems)
     elif problems:
-        told = f"{pluralize(len(problems), 'thing')} could not be read and"
-        yield Paragraph(f"{told} {'is' if len(problems) == 1 else 'are'} missing here.", "warning")
+        text = f"{pluralize(len(problems), 'thing')} could not be read and"
+        yield Paragraph(f"{text} {'is' if len(problems) == 1 else 'are'} missing here.", "warning")
 
 
 def _banner(facts: SessionFacts) -> str:
-    told = []
+    sentences = []
     if facts.mode == "debug":
-        told.append("DEBUG: the robot was simulated. These are not data of a participant.")
+        sentences.append("DEBUG: the robot was simulated. These are not data of a participant.")
     elif facts.is_simulated:
-        told.append("SIMULATED: the mode was real, but no robot moved. These are not data of a participant.")
+        sentences.append("SIMULATED: the mode was real, but no robot moved. These are not data of a participant.")
     if facts.purpose in ("pilot", "training"):
-        told.append(f"{facts.purpose.upper()}: this session does not count.")
+        sentences.append(f"{facts.purpose.upper()}: this session does not count.")
     if not facts.ended:
-        told.append("The record has no end: the session runs, or its engine went away.")
-    return " ".join(told)
+        sentences.append("The record has no end: the session runs, or its engine went away.")
+    return " ".join(sentences)
 
 
 def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
     sentences = [f"{length_text(facts.duration).capitalize()}, in which {pluralize(_begun(figures), 'act')} began."]
     response = figures.latency.response
     if figures.answered:
-        told = "but no answer has a time that counts"
+        median = "but no answer has a time that counts"
         if (summary := response.summary) is not None:
             timed = len(response.values)
             which = "them" if timed == figures.answered else f"the {timed} with a time that counts"
             middle = f"{number_text(summary.lower)}\u2013{seconds_text(summary.upper)}"
-            told = f"half of {which} within {seconds_text(summary.median)} (middle half {middle})"
-        sentences.append(f"The robot answered {figures.answered} of {pluralize(figures.cues, 'cue')}, {told}.")
+            median = f"half of {which} within {seconds_text(summary.median)} (middle half {middle})"
+        sentences.append(f"The robot answered {figures.answered} of {pluralize(figures.cues, 'cue')}, {median}.")
     elif figures.cues:
         sentences.append(f"The robot answered none of {pluralize(figures.cues, 'cue')}.")
     mistakes = figures.mistakes
@@ -194,8 +194,10 @@ def _checks(data: SessionData) -> Iterable[Block]:
     skipped = [check.id for check in data.checks if check.result == "skipped"]
     failed = [check.id for check in data.checks if check.result == "failed"]
     if skipped or failed:
-        told = [f"Skipped: {', '.join(skipped)}."] * bool(skipped) + [f"Failed: {', '.join(failed)}."] * bool(failed)
-        yield Paragraph(" ".join(told), "warning")
+        sentences = [f"Skipped: {', '.join(skipped)}."] * bool(skipped) + [f"Failed: {', '.join(failed)}."] * bool(
+            failed
+        )
+        yield Paragraph(" ".join(sentences), "warning")
     yield from problem_paragraphs(data.problems, data.level)
     if changed := data.facts.changed_keys:
         keys = ", ".join(f"{key} from {clock_text(at)} on" for key, at in changed.items())
@@ -228,7 +230,7 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
         return
     shares = actor_shares(figures.actors)
     if shares:
-        spoken = figures.said_freely
+        spoken = figures.free_speech_share
         freely = f" Wizards typed {share_text(spoken.count, spoken.n)} spoken acts freely." if spoken.n else ""
         yield Paragraph(f"These caused the acts that began: {', '.join(shares)}.{freely}")
     rows = []
@@ -331,7 +333,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
                     clock_text(each.at),
                     each.kind,
                     each.name,
-                    _told(each),
+                    _point_text(each),
                     source_name(each.source),
                 )
                 for each in moments
@@ -357,7 +359,7 @@ def _standstills(data: SessionData) -> str:
     return f"{pluralize(len(found), 'standstill')}, {length_text(sum(found))} in all" if found else "none"
 
 
-def _told(point: Point) -> str:
+def _point_text(point: Point) -> str:
     if point.outage_s is None or point.kind == "note":
         return point.value
     return f"no engine for {length_text(point.outage_s)}; session time stood still"
@@ -365,13 +367,13 @@ def _told(point: Point) -> str:
 
 def _repairs(data: SessionData) -> str:
     repairs = data.repairs
-    told = (
+    counts = (
         (repairs.repeated, f"{repairs.repeated} repeated"),
         (repairs.stepped_back, f"{repairs.stepped_back} stepped back"),
         (repairs.cues_undone, f"{pluralize(repairs.cues_undone, 'cue')} taken back"),
         (repairs.canceled, f"{pluralize(repairs.canceled, 'act')} stopped by a wizard"),
     )
-    return ", ".join(what for number, what in told if number) or "none"
+    return ", ".join(what for number, what in counts if number) or "none"
 
 
 def _notes(data: SessionData) -> Iterable[Block]:
@@ -429,8 +431,8 @@ def _drift_text(file: MediaFile) -> str:
     if file.offset is None or len(file.marks) < 2:
         return ""
     within = file.drift_within_ppm
-    told = number_text(file.drift_ppm, 1)
-    return told if within is None else f"{told} \u00b1 {number_text(within, 0)}"
+    drift = number_text(file.drift_ppm, 1)
+    return drift if within is None else f"{drift} \u00b1 {number_text(within, 0)}"
 
 
 def _megabytes(size: int | None) -> str:
@@ -454,7 +456,7 @@ def _in_order(data: SessionData) -> Iterable[Block]:
     for phase in data.phases:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
     recoveries = [point for point in data.points if point.kind == "recovery"]
-    rows += [(each.at, ("recovery", source_name(each.source), "", "", _told(each))) for each in recoveries]
+    rows += [(each.at, ("recovery", source_name(each.source), "", "", _point_text(each))) for each in recoveries]
     rows.sort(key=lambda each: each[0])
     if rows:
         yield ReportTable(

@@ -49,13 +49,13 @@ class SheetItem(Struct, frozen=True):
     """Sentences from the record."""
     asked: tuple[str, ...] = ()
     """The names of the questions to people, in `[report]`."""
-    said: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()
     """Their answers in the same order. Empty: no answer."""
 
     @property
     def missing(self) -> tuple[str, ...]:
         """The names of the questions without an answer."""
-        return tuple(name for name, text in zip(self.asked, self.said, strict=True) if not text)
+        return tuple(name for name, text in zip(self.asked, self.answers, strict=True) if not text)
 
 
 def reporting_sheet(
@@ -139,7 +139,7 @@ def omitted_text(omitted: Mapping[str, int]) -> str:
     return ", ".join(pluralize(count, f"{purpose} session") for purpose, count in omitted.items())
 
 
-def still_to_say(sheet: Iterable[SheetItem]) -> list[str]:
+def unanswered_questions(sheet: Iterable[SheetItem]) -> list[str]:
     """Return the names of all questions in `[report]` without an answer."""
     return [name for item in sheet for name in item.missing]
 
@@ -156,7 +156,7 @@ def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
     :param sheet: from `reporting_sheet`.
     """
     lines = [f"# {_plain(study.title)}: reporting sheet", "", _plain(ORIGIN), ""]
-    missing = still_to_say(sheet)
+    missing = unanswered_questions(sheet)
     if missing:
         lines += [f"**{pluralize(len(missing), 'item')} still to say**, in `[report]` of study.toml:", ""]
         lines += [f"- `{name}`: {question_of(name)}" for name in missing]
@@ -168,7 +168,7 @@ def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
             lines += [f"## {part}", ""]
         lines += [f"### {item.title}", ""]
         lines += [_plain(sentence) for sentence in item.known]
-        for name, text in zip(item.asked, item.said, strict=True):
+        for name, text in zip(item.asked, item.answers, strict=True):
             lines.append(_plain(text) if text else f"*{STILL_TO_SAY}*: {question_of(name)} (`{name}`)")
         lines.append("")
     return "\n".join(lines)
@@ -190,8 +190,8 @@ def _robots(figures: StudyFigures) -> str:
         f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
         for row in figures.complete
     )
-    told = ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
-    return f"{told}." if told else ""
+    text = ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    return f"{text}." if text else ""
 
 
 def _injected(figures: StudyFigures) -> str:
@@ -216,20 +216,20 @@ def _abilities(figures: StudyFigures) -> list[str]:
 def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
     states = Counter(each.state for each in standing.participants)
     listed = len(standing.participants) - len(standing.unlisted)
-    told = (
+    text = (
         f"{listed} listed now, {begun_text(standing, withdrawn)} began, {standing.complete} of "
         f"{standing.wanted} wanted complete"
     )
-    told += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
+    text += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
     moved = sum(bool(each.run_as) for person in standing.participants for each in person.sessions)
     if moved:
-        told += f" Run under another participant and reassigned: {pluralize(moved, 'session')}."
+        text += f" Run under another participant and reassigned: {pluralize(moved, 'session')}."
     cells = [
         f"{' '.join((*cell.strata.values(), cell.condition))}".strip() + f": {cell.complete} complete"
         for cell in standing.cells
         if cell.condition or cell.strata
     ]
-    return [told, f"Cells: {'; '.join(cells)}."] if cells else [told]
+    return [text, f"Cells: {'; '.join(cells)}."] if cells else [text]
 
 
 def _strata(study: Study, standing: StudyStanding) -> list[str]:
@@ -251,8 +251,8 @@ def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
 
 
 def _wizards(wizards: Iterable[WizardCourse]) -> list[str]:
-    told = [f"{source_name(each.wizard)} in {pluralize(len(each.sessions), 'session')}" for each in wizards]
-    return [f"{pluralize(len(told), 'wizard')}: {', '.join(told)}."] if told else []
+    names = [f"{source_name(each.wizard)} in {pluralize(len(each.sessions), 'session')}" for each in wizards]
+    return [f"{pluralize(len(names), 'wizard')}: {', '.join(names)}."] if names else []
 
 
 def _knew(study: Study) -> list[str]:
@@ -262,7 +262,7 @@ def _knew(study: Study) -> list[str]:
 
 
 def _production(figures: StudyFigures) -> list[str]:
-    spoken = figures.said_freely
+    spoken = figures.free_speech_share
     known = [f"Wizards typed {share_text(spoken.count, spoken.n)} spoken acts freely."] if spoken.n else []
     fillers = sum(act.fillers for row in figures.complete for act in row.figures.acts)
     summary = figures.latency.response.summary
@@ -303,9 +303,9 @@ def _training(wizards: Iterable[WizardCourse], omitted: Mapping[str, int]) -> li
                 known.append(f"{name}: no session on record before the first that counted.")
             continue
         seconds = sum(row.facts.duration for row in rows)
-        told = f"{name}: {pluralize(len(rows), 'session')} before the first that counted, {length_text(seconds)} in all"
+        text = f"{name}: {pluralize(len(rows), 'session')} before the first that counted, {length_text(seconds)} in all"
         first, last = (_how_they_did(each, row) for row in (rows[0], rows[-1]))
-        known.append(f"{told}; {first}." if len(rows) == 1 else f"{told}; first {first}; last {last}.")
+        known.append(f"{text}; {first}." if len(rows) == 1 else f"{text}; first {first}; last {last}.")
     return known
 
 
@@ -319,11 +319,11 @@ def _how_they_did(course: WizardCourse, row: SessionRow) -> str:
 
 def _checks(study: Study, figures: StudyFigures) -> list[str]:
     counts = figures.checks(check.id for check in study.checks)
-    told = [
+    parts = [
         f"{each.id} passed {each.passed}, skipped {each.skipped}, failed {each.failed}, no record {each.missing}"
         for each in counts
     ]
-    return [f"Checks in {pluralize(len(figures.complete), 'complete session')}: {'; '.join(told)}."] if told else []
+    return [f"Checks in {pluralize(len(figures.complete), 'complete session')}: {'; '.join(parts)}."] if parts else []
 
 
 def _scenario(figures: StudyFigures) -> list[str]:
@@ -344,8 +344,8 @@ def _hashes_text(hashes: Mapping[str, str]) -> str:
 
 
 def _speed(figures: StudyFigures) -> list[str]:
-    told = speed_text(figures)
-    return [f"Speed of session time, in which all durations are: {told}."] if told else []
+    text = speed_text(figures)
+    return [f"Speed of session time, in which all durations are: {text}."] if text else []
 
 
 def _steps(study: Study, figures: StudyFigures, omitted: Mapping[str, int]) -> list[str]:

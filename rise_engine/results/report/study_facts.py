@@ -149,8 +149,8 @@ class StudyFigures(Struct, frozen=True):
         return dict(counts)
 
     @property
-    def said_freely(self) -> Share:
-        found = [row.figures.said_freely for row in self.complete]
+    def free_speech_share(self) -> Share:
+        found = [row.figures.free_speech_share for row in self.complete]
         return Share(sum(each.count for each in found), sum(each.n for each in found))
 
     def conditions(self) -> dict[str, tuple[SessionRow, ...]]:

@@ -40,7 +40,7 @@ from rise_engine.results.report.sheet import (
     question_of,
     reporting_sheet,
     speed_text,
-    still_to_say,
+    unanswered_questions,
 )
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
 from rise_engine.results.report.trials_section import (
@@ -120,21 +120,21 @@ def study_report(given: StudyReportInput) -> Document:
 
 def _summary(given: StudyReportInput) -> str:
     standing, figures = given.standing, given.figures
-    told = f"{standing.complete} of {standing.wanted} participants are complete."
+    text = f"{standing.complete} of {standing.wanted} participants are complete."
     sessions = len(figures.complete)
-    told += f" The study has {pluralize(sessions, 'complete session')}." if sessions else ""
+    text += f" The study has {pluralize(sessions, 'complete session')}." if sessions else ""
     medians = [summary.median for row in figures.complete if (summary := summarise(row.responses)) is not None]
     over = summarise(medians)
     if over is not None:
         middle = f"{number_text(over.lower)}\u2013{seconds_text(over.upper)}"
-        told += (
+        text += (
             f" The median response of a session is {seconds_text(over.median)} "
             f"(median of {pluralize(len(medians), 'session')}, middle half {middle})."
         )
-    told = f"{trials_summary(given.trials)} {told}".lstrip()
-    if missing := len(still_to_say(given.sheet)):
-        told += f" {pluralize(missing, 'item')} of the reporting sheet {'is' if missing == 1 else 'are'} still to say."
-    return told
+    text = f"{trials_summary(given.trials)} {text}".lstrip()
+    if missing := len(unanswered_questions(given.sheet)):
+        text += f" {pluralize(missing, 'item')} of the reporting sheet {'is' if missing == 1 else 'are'} still to say."
+    return text
 
 
 def _banner(given: StudyReportInput) -> str:
@@ -186,8 +186,8 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
     yield from problem_paragraphs(given.problems, given.level)
     standing, study, modes = given.standing, given.study, given.figures.counted_modes
     if modes and set(modes) != {study.mode}:
-        told = f"Sessions that count ran in mode {' and '.join(modes)}. study.toml now says {study.mode}."
-        yield Paragraph(told, "warning")
+        text = f"Sessions that count ran in mode {' and '.join(modes)}. study.toml now says {study.mode}."
+        yield Paragraph(text, "warning")
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     if given.omitted:
         yield Paragraph(f"Not in this bundle: {omitted_text(given.omitted)}.", "note")
@@ -485,7 +485,7 @@ def _went_wrong(row: SessionRow) -> str:
     facts, found = row.facts, row.figures.mistakes
     unanswered = row.figures.cues - row.figures.answered
     away = seconds_text(facts.downtime) if facts.downtime is not None else "an unknown time"
-    told = [
+    parts = [
         f"run as {facts.run_as}" if facts.run_as else "",
         f"{pluralize(unanswered, 'cue')} not answered" if unanswered else "",
         f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
@@ -498,7 +498,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"condition changed by hand: {', '.join(facts.changed_keys)}" if facts.changed_keys else "",
         f"went on with changed files {pluralize(len(facts.changed_to), 'time')}" if facts.changed_to else "",
     ]
-    return ", ".join(filter(None, told))
+    return ", ".join(filter(None, parts))
 
 
 # --- the reporting sheet --------------------------------------------------------------------------------------------
@@ -507,7 +507,7 @@ def _went_wrong(row: SessionRow) -> str:
 def _sheet(given: StudyReportInput) -> Iterable[Block]:
     sheet = given.sheet
     yield Paragraph(ORIGIN, "note")
-    missing = still_to_say(sheet)
+    missing = unanswered_questions(sheet)
     if missing:
         yield Paragraph(
             f"{pluralize(len(missing), 'item')} still to say, in [report] of study.toml: {', '.join(missing)}.",
@@ -518,11 +518,11 @@ def _sheet(given: StudyReportInput) -> Iterable[Block]:
             caption=part,
             head=("item", "from the record", "said by people"),
             rows=tuple(
-                (item.title, " ".join(item.known), " ".join(_said(item))) for item in sheet if item.part == part
+                (item.title, " ".join(item.known), " ".join(_answers(item))) for item in sheet if item.part == part
             ),
         )
 
 
-def _said(item: SheetItem) -> Iterable[str]:
-    for name, text in zip(item.asked, item.said, strict=True):
+def _answers(item: SheetItem) -> Iterable[str]:
+    for name, text in zip(item.asked, item.answers, strict=True):
         yield text if text else f"({STILL_TO_SAY}: {question_of(name)})"

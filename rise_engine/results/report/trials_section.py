@@ -103,8 +103,8 @@ def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
     :param declared: whether any scenario defines trials.
     """
     if not rows:
-        said = "No complete session has a trial yet." if declared else UNDECLARED
-        return Section("Trials", (Paragraph(said, "note"),))
+        sentence = "No complete session has a trial yet." if declared else UNDECLARED
+        return Section("Trials", (Paragraph(sentence, "note"),))
     blocks: list[Block] = []
     for measure in dict.fromkeys(row.measure for row in rows):
         theirs = [row for row in rows if row.measure == measure]
@@ -116,13 +116,13 @@ def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
 
 def trials_summary(rows: Sequence[TrialRow]) -> str:
     """Write the first sentence of the report: the dependent variable by condition. Empty: there is none."""
-    told = [
+    medians = [
         f"{number_text(median(row.values))}{_unit(row.measure)}{f' in {row.name}' if row.name else ''} "
         f"(n {len(row.values)}{_interval_words(row)})"
         for row in rows
         if row.values and row.measure == rows[0].measure
     ]
-    return f"Median {rows[0].measure} of trials: {', '.join(told)}." if told else ""
+    return f"Median {rows[0].measure} of trials: {', '.join(medians)}." if medians else ""
 
 
 def _unit(measure: str) -> str:
@@ -230,8 +230,8 @@ def _lines(measure: str, rows: Sequence[TrialRow], width: int) -> list[str]:
         found = median(row.values)
         if found is not None:
             cells[cell(found)] = "\u2503"
-        told = f"{number_text(found)}{_unit(measure)}" if found is not None else "none"
-        lines.append(clean(row.name or "all")[: label - 1].ljust(label) + "".join(cells) + f" {told}")
+        text = f"{number_text(found)}{_unit(measure)}" if found is not None else "none"
+        lines.append(clean(row.name or "all")[: label - 1].ljust(label) + "".join(cells) + f" {text}")
     ends = number_text(low), f"{number_text(high)}{_unit(measure)}"
     lines.append(" " * label + ends[0] + ends[1].rjust(room - len(ends[0])))
     lines.append(f"\u25cf a trial's {measure}   \u2503 the median   \u2500 its 95 % interval by order statistics")
@@ -302,8 +302,8 @@ def omitted_answers(facts: LatencyFacts) -> str:
         (facts.interrupted.get("standstill", 0), "across a standstill of the engine"),
         (facts.interrupted.get("stop", 0), "while everything was stopped"),
     )
-    told = [f"{pluralize(count, 'answer')} {why}" for count, why in counts if count]
-    return f"Left out of all times: {' and '.join(told)}." if told else ""
+    reasons = [f"{pluralize(count, 'answer')} {why}" for count, why in counts if count]
+    return f"Left out of all times: {' and '.join(reasons)}." if reasons else ""
 
 
 def _row(part: LatencyPart) -> tuple[str, ...]:

@@ -264,13 +264,13 @@ class ShadowClient:
         else:
             self._halt()
             await self._write(ShadowPause(round(self._base, 6)))
-        self._tell(self._status)
+        self._notify(self._status)
         return ""
 
     def _halt(self) -> None:
         self._base, self._paused = self.now(), True
 
-    def _tell(self, update: ClientUpdate) -> None:
+    def _notify(self, update: ClientUpdate) -> None:
         self._own.append(update)
         self._wake.set()
 
@@ -325,7 +325,7 @@ class ShadowClient:
         if not await self._write(ShadowMark(at, int(number), found)):
             return Reply(False, self._trouble)
         seen = self._records[self._next - 1].seq if self._next else 0
-        self._tell(MistakeRecord(seen, at, "", int(number), "", found, f"wizard:{self._wizard}"))
+        self._notify(MistakeRecord(seen, at, "", int(number), "", found, f"wizard:{self._wizard}"))
         return Reply(True, "kept, and sent nowhere")
 
     async def _write(self, line: ShadowLine) -> bool:
@@ -339,7 +339,7 @@ class ShadowClient:
                 reason = error_message(error) if isinstance(error, OSError) else str(error)
                 self._trouble = f"NOT KEPT, and paused: {reason}"
                 self._halt()
-                self._tell(self._status)
+                self._notify(self._status)
                 return False
         return True
 

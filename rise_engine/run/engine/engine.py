@@ -536,8 +536,8 @@ class Engine:
         error = journal.error
         self._note_delay(journal)
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
-        is_told = bool(error) or lag > 1 or self.journal_status.stop is not None  # a stop is told until recorded
-        now = JournalStatus(self._seq, lag, error, self._find_unrecorded_stop() if is_told else None)
+        is_reported = bool(error) or lag > 1 or self.journal_status.stop is not None  # a stop is told until recorded
+        now = JournalStatus(self._seq, lag, error, self._find_unrecorded_stop() if is_reported else None)
         before, self.journal_status = self.journal_status, now
         if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)

@@ -42,11 +42,11 @@ class UnrecordedStop(Struct, frozen=True):
     @property
     def sentence(self) -> str:
         """The stop and its answer, for a person."""
-        told = [f"stop was sent to the robot by {self.source}"]
-        told += [f"CANNOT BE STOPPED: {', '.join(self.unstoppable)}"] if self.unstoppable else []
-        told += [f"NOT confirmed by {', '.join(self.unconfirmed)}"] if self.unconfirmed else []
-        told += [f"confirmed by {', '.join(self.confirmed) or 'nobody'}"] if self.answered else []
-        return "; ".join(told)
+        parts = [f"stop was sent to the robot by {self.source}"]
+        parts += [f"CANNOT BE STOPPED: {', '.join(self.unstoppable)}"] if self.unstoppable else []
+        parts += [f"NOT confirmed by {', '.join(self.unconfirmed)}"] if self.unconfirmed else []
+        parts += [f"confirmed by {', '.join(self.confirmed) or 'nobody'}"] if self.answered else []
+        return "; ".join(parts)
 
 
 class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):

@@ -24,7 +24,7 @@ LARGEST_DRIFT = 2_000e-6
 """The limit if nothing else fits: 1,001 ppm is a film played at 30 frames a second instead of 29.97."""
 UNKNOWN_WITHIN = 0.5
 """Assumed maximum error in seconds of a mark's time if the record does not state it."""
-_TOLD = 6
+_MAX_TIMES = 6
 """Maximum number of times in a sentence."""
 
 
@@ -224,5 +224,5 @@ def fit_line(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _times(heard: Sequence[HeardMark]) -> str:
-    named = ", ".join(f"{each.at:.1f} s" for each in heard[:_TOLD])
-    return named + (f" and {len(heard) - _TOLD} more" if len(heard) > _TOLD else "")
+    named = ", ".join(f"{each.at:.1f} s" for each in heard[:_MAX_TIMES])
+    return named + (f" and {len(heard) - _MAX_TIMES} more" if len(heard) > _MAX_TIMES else "")

@@ -160,11 +160,11 @@ async def _play(command: Sequence[str], deadline: float) -> _Played:
     except OSError as error:
         return _Played(begun, begun, f"{name} cannot be started: {error.strerror or error}")
     assert process.stderr is not None
-    said = b""
+    output = b""
     try:
         async with asyncio.timeout(max(0.1, deadline - monotonic())):
             while data := await process.stderr.read(4_096):
-                said = (said + data)[-4_096:]
+                output = (output + data)[-4_096:]
             status = await process.wait()
         ended = monotonic()
     except TimeoutError:
@@ -174,7 +174,7 @@ async def _play(command: Sequence[str], deadline: float) -> _Played:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             await process.wait()
-    last = clean(said.decode("utf-8", "replace").strip().rpartition("\n")[2])[:200]
+    last = clean(output.decode("utf-8", "replace").strip().rpartition("\n")[2])[:200]
     if status:
         return _Played(begun, ended, f"{name} ended with exit status {status}" + (f": {last}" if last else ""))
     if ended - begun < SOUND_SECONDS - EARLY_SECONDS:

@@ -298,8 +298,8 @@ class Sound:
         times = f"aresample={SOUND_RATE}:async=1:min_hard_comp=0.02:first_pts=0"
         command = [self._program, "-nostdin", "-v", "error", *_LOCAL, "-i", f"file:{self._path.absolute()}"]
         command += ["-map", "0:a:0", "-af", times, "-ac", "1", "-f", "f32le", "pipe:1"]
-        with tempfile.TemporaryFile() as said:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=said)
+        with tempfile.TemporaryFile() as output:
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=output)
             assert process.stdout is not None
             came = False
             try:
@@ -313,8 +313,8 @@ class Sound:
                     process.wait()
                 process.stdout.close()
             if status and not came:
-                said.seek(0)
-                raise SessionError(_why_no_sound(self._path, said.read().decode("utf-8", "replace").strip()))
+                output.seek(0)
+                raise SessionError(_why_no_sound(self._path, output.read().decode("utf-8", "replace").strip()))
 
     def _from_wav(self) -> Iterator[Samples]:
         with wave.open(str(self._path)) as file:
@@ -346,7 +346,7 @@ class Sound:
             raise SessionError(f"{self._path} cannot be read: {error.strerror or error}") from None
 
 
-def _why_no_sound(path: Path, said: str) -> str:
-    if "matches no streams" in said:
+def _why_no_sound(path: Path, output: str) -> str:
+    if "matches no streams" in output:
         return f"{path} has no sound: use --at FILE=markN for a flash or a clap that can be seen"
-    return f"{path} has no sound that ffmpeg can read: {clean(said.rpartition(chr(10))[2])}"
+    return f"{path} has no sound that ffmpeg can read: {clean(output.rpartition(chr(10))[2])}"

@@ -57,8 +57,8 @@ class SessionReports:
         self.attached, self.over = asyncio.Event(), asyncio.Event()
         """Set when the session was first reached, and when it has ended or its engine has gone."""
         self._waiting: deque[tuple[str, RecordingState] | str] = deque()
-        self._news, self._said = asyncio.Event(), asyncio.Event()
-        self._said.set()
+        self._news, self._all_reported = asyncio.Event(), asyncio.Event()
+        self._all_reported.set()
 
     def recording(self, name: str, state: RecordingState) -> None:
         """Report the state of a recording."""
@@ -71,11 +71,11 @@ class SessionReports:
     def _put(self, what: tuple[str, RecordingState] | str) -> None:
         self._waiting.append(what)
         self._news.set()
-        self._said.clear()
+        self._all_reported.clear()
 
     async def flush(self) -> None:
         """Wait until everything is reported, LAST_SECONDS are over, or the session is over."""
-        tasks = [asyncio.create_task(each.wait()) for each in (self._said, self.over)]
+        tasks = [asyncio.create_task(each.wait()) for each in (self._all_reported, self.over)]
         await asyncio.wait(tasks, timeout=LAST_SECONDS, return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
             task.cancel()
@@ -102,12 +102,12 @@ class SessionReports:
         try:
             while not ending.done():
                 while self._waiting and not ending.done():
-                    if await self._say(session):
+                    if await self._report_first(session):
                         self._waiting.popleft()
                     else:
                         await asyncio.sleep(AGAIN_SECONDS)
                 if not self._waiting:
-                    self._said.set()
+                    self._all_reported.set()
                 self._news.clear()
                 news = asyncio.create_task(self._news.wait())
                 await asyncio.wait({news, ending}, return_when=asyncio.FIRST_COMPLETED)
@@ -119,7 +119,7 @@ class SessionReports:
             with suppress(asyncio.CancelledError, EngineGone):
                 await ending
 
-    async def _say(self, session: Session) -> bool:
+    async def _report_first(self, session: Session) -> bool:
         """Send the first report; return whether the session has accepted it."""
         first = self._waiting[0]
         try:

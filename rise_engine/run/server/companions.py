@@ -137,7 +137,7 @@ class _Companion:
         self.finish_seconds, self.silent_seconds = finish_seconds, silent_seconds
         self.lives = lives
         self.finishing, self.hurrying = asyncio.Event(), asyncio.Event()
-        self._said = b""
+        self._last_output = b""
         """The end of its standard error."""
         self._reading: asyncio.Task[None]
 
@@ -152,7 +152,7 @@ class _Companion:
                     await asyncio.wait_for(self.finishing.wait(), self.lives.seconds)
             if self.finishing.is_set():
                 return
-            self._said = b""
+            self._last_output = b""
             await self._run_once()
 
     async def _run_once(self) -> None:
@@ -228,7 +228,7 @@ class _Companion:
         if status == 0 and self.finishing.is_set():
             return  # as requested
         await asyncio.wait({self._reading}, timeout=GRACE_SECONDS)
-        lines = [clean(line).strip() for line in self._said.decode("utf-8", "replace").splitlines()]
+        lines = [clean(line).strip() for line in self._last_output.decode("utf-8", "replace").splitlines()]
         reason = next((line for line in reversed(lines) if line), "")
         if status is not None and status < 0:
             with suppress(ValueError):
@@ -245,7 +245,7 @@ class _Companion:
     async def _read_errors(self, process: Process) -> None:
         assert process.stderr is not None
         while chunk := await process.stderr.read(_KEPT):
-            self._said = (self._said + chunk)[-_KEPT:]
+            self._last_output = (self._last_output + chunk)[-_KEPT:]
             _LOG.warning("%s: %s", self.request.kind, chunk.decode("utf-8", "replace").rstrip())
 
 

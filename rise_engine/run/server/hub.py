@@ -216,8 +216,8 @@ class SessionHub:
         self._clock_offset = offset
         if before is not None and abs(offset - before) > CLOCK_JUMP_SECONDS:
             how = f"{'forward' if offset > before else 'back'} by {abs(offset - before):.0f} s"
-            told = f"the clock of this computer was set {how}: times of day do not fit from here on"
-            self.engine.post(Note(text=told))
+            text = f"the clock of this computer was set {how}: times of day do not fit from here on"
+            self.engine.post(Note(text=text))
 
     def may_be_old(self) -> bool:
         """Whether this process or the computer has just stood still, so that requests may be older."""

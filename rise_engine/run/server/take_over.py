@@ -57,15 +57,15 @@ class ScenarioTakeover:
         spoken = spoken_as(read_info(self._folder))
         return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
 
-    def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
+    def _then_notify(self, answer: ReplyCallback) -> ReplyCallback:
         """Return a callback that answers and then notifies the owner."""
 
-        def answer_and_tell(reply: Reply) -> None:
+        def answer_and_notify(reply: Reply) -> None:
             answer(reply)
             if reply.accepted:
                 self._taken_over()
 
-        return answer_and_tell
+        return answer_and_notify
 
     async def _read_and_take_over(self, source: str, answer: ReplyCallback) -> None:
         engine, before = self._engine, self._engine.scenario
@@ -83,7 +83,7 @@ class ScenarioTakeover:
             except SessionError as error:
                 answer(Reply(False, str(error)))
                 return
-            if not engine.take_over(scenario, copy.name, source, self._then_tell(answer)):
+            if not engine.take_over(scenario, copy.name, source, self._then_notify(answer)):
                 await asyncio.to_thread(remove_copy, copy)
 
 

@@ -77,7 +77,7 @@ class _LexiconReader:
             self.diagnostics.error("too-large", self.top.file.source.location(0), message)
 
     def read_language(self, table: TomlTable) -> None:
-        words = {word: said for word, said in table.values.items() if not isinstance(said, dict)}
+        words = {word: spoken for word, spoken in table.values.items() if not isinstance(spoken, dict)}
         self.tables.append(LexiconTable(table.name, "", self.read_words(table, words)))
         for robot in (name for name in table.values if name not in words):
             inner = TomlTable(table.file, (table.name, robot), table.values[robot], self.diagnostics)
@@ -92,17 +92,17 @@ class _LexiconReader:
     def read_words(self, table: TomlTable, values: dict[str, Any]) -> dict[str, str]:
         words: dict[str, str] = {}
         first: dict[str, str] = {}
-        for written, said in values.items():
+        for written, spoken in values.items():
             self.count += 1
             word = normal_word(written)
-            if isinstance(said, dict):
+            if isinstance(spoken, dict):
                 table.report_key("wrong-type", f"a table is not allowed here; write {_FORM}", written)
-            elif not isinstance(said, str):
+            elif not isinstance(spoken, str):
                 table.report_value("wrong-type", written, f"how a word is said is a text; write {_FORM}")
-            elif not word or not said.strip():
+            elif not word or not spoken.strip():
                 message = f"a word, and how it is said, cannot be empty; write {_FORM}"
                 table.report_value("missing-value", written, message)
-            elif len(word) > MAX_LENGTH or len(said) > MAX_LENGTH:
+            elif len(word) > MAX_LENGTH or len(spoken) > MAX_LENGTH:
                 message = f"a word, and how it is said, have at most {MAX_LENGTH} characters"
                 table.report_value("out-of-range", written, message)
             elif word in words:
@@ -110,7 +110,7 @@ class _LexiconReader:
                 message = f"`{word}` is already in line {line}: blanks and the way of writing accents do not count"
                 table.report_key("duplicate-key", message, written)
             else:
-                words[word] = said.strip()
+                words[word] = spoken.strip()
                 first[word] = written
                 if words[word] == word:
                     message = f"`{word}` is said as it is written anyway; delete this line"
@@ -141,7 +141,7 @@ _GAP = re.compile(r"\s+")
 
 class _Entry(NamedTuple):
     word: str
-    said: str
+    pronunciation: str
     any_case: bool
     """Whether it is in lower case, and therefore also matches capitals."""
     open_before: bool
@@ -177,7 +177,7 @@ class Pronunciation:
             if entry is None:
                 at += 1
             else:
-                pieces += (found[start:at], entry.said)
+                pieces += (found[start:at], entry.pronunciation)
                 start = at = at + len(entry.word)
         return "".join((*pieces, found[start:])) if pieces else text
 
@@ -225,8 +225,8 @@ class RobotWording:
         if spec is None or not isinstance(message, str):
             return parameters
         language = parameters.get(LANGUAGE)
-        said = self._word(spec, message, language if isinstance(language, str) and language else self._language)
-        return parameters if said == message else {**parameters, MESSAGE: said}
+        pronounced = self._word(spec, message, language if isinstance(language, str) and language else self._language)
+        return parameters if pronounced == message else {**parameters, MESSAGE: pronounced}
 
     def _word(self, spec: ActionSpec, message: str, language: str) -> str:
         def pronounce(text: str, own_language: str = "") -> str:

@@ -309,11 +309,15 @@ class _RuleReader(BlockReader):
             for function in functions_in(block)
             if function.name == "startCommunicationRobotAct"
         }
-        told: set[SourceLocation] = set()
+        reported: set[SourceLocation] = set()
         for state in states.values():
             for transition in state.transitions:
-                if transition.ended is not None and transition.ended not in started and transition.location not in told:
-                    told.add(transition.location)
+                if (
+                    transition.ended is not None
+                    and transition.ended not in started
+                    and transition.location not in reported
+                ):
+                    reported.add(transition.location)
                     self.draft.foreign_ends.append(ForeignEnd(transition.ended, transition.location))
 
     def check_order(self, state: State) -> None:

@@ -136,21 +136,21 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
 
     :param spoken: the texts of the acts, which can name columns.
     """
-    said = set(_columns_said(spoken))
+    spoken_columns = set(_spoken_columns(spoken))
     for table in tables.values():
         translated = {column for columns in table.translations.values() for column in columns}
         for at, column in enumerate(table.columns):
             # Without any translated column, the table's own columns may have different languages.
-            can_be_said = bool(translated) and (table.name, "") in said
+            can_be_said = bool(translated) and (table.name, "") in spoken_columns
             is_sentence = can_be_said and any(len(str(row[at]).split()) > 1 for row in table.rows)
-            if column in translated or (table.name, column) in said or is_sentence:
+            if column in translated or (table.name, column) in spoken_columns or is_sentence:
                 for number, row in enumerate(table.rows):
                     value = row[at]
                     if isinstance(value, str) and any(character.isalnum() for character in value):
                         yield TableText(table, number, column)
 
 
-def _columns_said(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
+def _spoken_columns(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
     """Yield the columns in texts of acts, each with its table. Empty: a computed column, which may be any with
     sentences."""
     for text in texts:

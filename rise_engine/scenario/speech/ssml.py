@@ -23,8 +23,8 @@ TIME = re.compile(r"\s*\+?(\d+(?:\.\d+)?|\.\d+)(ms|s)\s*\Z", re.ASCII)
 """The length of a `<break>`: `500ms`, `1.5s`."""
 _BEGINNING = re.compile(r"<speak(?=[\s/>])")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-_NOT_SAID = frozenset({"desc", "meta", "metadata", "lexicon", "lookup"})
-_SAID_AS_WRITTEN = frozenset({"phoneme", "say-as", "sub"})
+_SILENT_ELEMENTS = frozenset({"desc", "meta", "metadata", "lexicon", "lookup"})
+_PRONOUNCED_ELEMENTS = frozenset({"phoneme", "say-as", "sub"})
 """Elements with a pronunciation from the author."""
 _APART = frozenset({"break", "p", "s"})
 """Elements that separate words, as a blank does."""
@@ -119,13 +119,13 @@ def change_words(text: str, change: Callable[[str, str], str]) -> str | None:
 
     def changed_text(piece: str, language: str) -> str:
         nonlocal changed
-        said = change(piece, language) if piece and not piece.isspace() else piece
-        changed = changed or said != piece
-        return said
+        after = change(piece, language) if piece and not piece.isspace() else piece
+        changed = changed or after != piece
+        return after
 
     def visit(element: SsmlElement, language: str) -> None:
         language = element.attributes.get(LANGUAGE_ATTRIBUTE, language)
-        if element.tag not in _SAID_AS_WRITTEN | _NOT_SAID:
+        if element.tag not in _PRONOUNCED_ELEMENTS | _SILENT_ELEMENTS:
             element.text = changed_text(element.text, language)
             for child in element:
                 visit(child, language)
@@ -202,7 +202,7 @@ def _read(text: str) -> SpokenSsml | None:
         pieces.append(apart)
         if element.tag == "sub" and (alias := element.attributes.get("alias")) is not None:
             pieces.append(alias)
-        elif element.tag not in _NOT_SAID:
+        elif element.tag not in _SILENT_ELEMENTS:
             pieces.append(element.text)
             if element.tag == "break":
                 pauses.append(break_seconds(element.attributes.get("time", "")))

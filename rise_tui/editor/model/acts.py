@@ -123,10 +123,10 @@ def action_with(act: WrittenAct, wanted: str) -> str:
     return next((each.id for each in act.actions if sought in all_texts(each).casefold()), "")
 
 
-def said_text(act: WrittenAct) -> str:
+def act_content(act: WrittenAct) -> str:
     """The texts of an act; without texts, its actions."""
-    said = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
-    return " ".join(said or [action_type(each) for each in act.actions])
+    texts = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
+    return " ".join(texts or [action_type(each) for each in act.actions])
 
 
 def action_type(action: WrittenAction) -> str:

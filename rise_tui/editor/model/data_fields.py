@@ -15,7 +15,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.reading.robot_profiles import robot_names
-from rise_tui.editor.model.acts import said_text
+from rise_tui.editor.model.acts import act_content
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
@@ -67,7 +67,7 @@ def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 def key_choices(draft: StudyDraft) -> list[FieldChoice]:
     """Everything that a key can start or raise, each as `KIND NAME`."""
     outline = draft.outline
-    found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
+    found = [FieldChoice(f"act {act.name}", f"act {act.name}", act_content(act)) for act in outline.acts]
     found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", pluralize(len(rule.states), "state"))
               for rule in outline.rules]  # fmt: skip
     waits = {transition.form.event.lstrip("/") for rule in outline.rules for state in rule.states

@@ -201,9 +201,9 @@ def cell_problem(value: str) -> str:
     return "" if clean(value, keep="\n") == value else "it has invisible characters"
 
 
-def cell_edits(table: str, row: int, column: str, was: str, said: str) -> tuple[AnyEdit, ...]:
+def cell_edits(table: str, row: int, column: str, was: str, typed: str) -> tuple[AnyEdit, ...]:
     """The edits that change a cell; none if it already has this value."""
-    return (SetCell(table, row, column, said),) if said.strip() != was else ()
+    return (SetCell(table, row, column, typed),) if typed.strip() != was else ()
 
 
 def copied_row(name: str, table: WrittenCells, after: int) -> AddRow:

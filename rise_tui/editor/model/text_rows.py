@@ -61,7 +61,7 @@ class TextEntry(NamedTuple):
     state: TextState
 
     @property
-    def said(self) -> str:
+    def translated(self) -> str:
         """The text in the other language; empty: none."""
         return self.translation.template.text if self.translation is not None else ""
 
@@ -141,7 +141,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
         each
         for each in entries
         if (not view.only or each.state in LACKING)
-        and wanted in f"{each.text.id}\n{each.text.text}\n{each.said}".casefold()
+        and wanted in f"{each.text.id}\n{each.text.text}\n{each.translated}".casefold()
     ]
 
 
@@ -165,14 +165,14 @@ class _Columns(NamedTuple):
     when: int
     beside: int
     text: int
-    said: int
+    translated: int
 
 
 def _columns(width: int, *, is_translated: bool) -> _Columns:
     act, key, when, beside = (17, 7, 11, 22) if width >= WIDE else (13, 6, 0, 0)
     room = width - 1 - act - 1 - key - when - beside
-    said = (room - 3) // 2 if is_translated else 0
-    return _Columns(act, key, when, beside, max(8, room - (said + 3 if said else 0)), said)
+    translated = (room - 3) // 2 if is_translated else 0
+    return _Columns(act, key, when, beside, max(8, room - (translated + 3 if translated else 0)), translated)
 
 
 def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], shown: int, width: int) -> StyledLine:
@@ -206,9 +206,9 @@ def column_line(draft: StudyDraft, view: TextsView, column: int, width: int) -> 
     if cells.when:
         line += [fixed_span("when", cells.when, "muted"), fixed_span("with", cells.beside, "muted")]
     line.append(fixed_span(f"▸{own}" if column == 0 else own, cells.text, "accent" if column == 0 else "muted"))
-    if cells.said:
+    if cells.translated:
         name = f" ▸{view.language}" if column == 1 else f"  {view.language}"
-        line.append(fixed_span(f" {name}", cells.said + 3, "accent" if column == 1 else "muted"))
+        line.append(fixed_span(f" {name}", cells.translated + 3, "accent" if column == 1 else "muted"))
     return crop(tuple(line), width)
 
 
@@ -226,18 +226,18 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
         ]
         if cells.when:
             line += [fixed_span(when_text(text.action.wait_for), cells.when, "muted")]
-            line += [fixed_span(said_with(draft.checked, text), cells.beside - 1, "muted"), (" ", "plain")]
+            line += [fixed_span(spoken_together(draft.checked, text), cells.beside - 1, "muted"), (" ", "plain")]
         line.append(fixed_span(text.text, cells.text, "plain" if column == 0 else "muted"))
-        if cells.said:
-            said = each.said or ("–" if each.state == "missing" else "")
+        if cells.translated:
+            other = each.translated or ("–" if each.state == "missing" else "")
             line += [(" ", "plain"), MARKS[each.state]]
-            line.append(fixed_span(said, cells.said, "plain" if column == 1 else "muted"))
-        rows.append(ListRow(text.id, tuple(line), full=f"{text.id} {text.text} {each.said}"))
+            line.append(fixed_span(other, cells.translated, "plain" if column == 1 else "muted"))
+        rows.append(ListRow(text.id, tuple(line), full=f"{text.id} {text.text} {each.translated}"))
         before = act
     return rows
 
 
-def said_with(checked: LoadResult, text: SpokenText) -> str:
+def spoken_together(checked: LoadResult, text: SpokenText) -> str:
     """Everything that begins at the same time; empty: nothing."""
     act = checked.draft.acts.get(text.act)
     found = []
@@ -254,7 +254,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
     """The text's id, its time and company, and its line."""
     text, where = entry.text, _place_of_original(draft, entry.text)
-    beside = said_with(draft.checked, text)
+    beside = spoken_together(draft.checked, text)
     left: StyledLine = (
         (f" {clean(text.id)}", "accent"),
         (f"  {when_text(text.action.wait_for)}{f', with {clean(beside)}' if beside else ''}", "muted"),
@@ -287,10 +287,10 @@ def translation_lines(
     """The text in another language."""
     if entry.translation is None:
         missing = entry.state == "missing"
-        said = "✗ not translated yet" if missing else "needs no translation"
-        return whole_text(language, said, "", width, is_marked=is_marked, role="fault" if missing else "muted")
+        sentence = "✗ not translated yet" if missing else "needs no translation"
+        return whole_text(language, sentence, "", width, is_marked=is_marked, role="fault" if missing else "muted")
     measure = _measure(draft.checked, entry.text, entry.translation.template)
-    return whole_text(language, entry.said, measure, width, is_marked=is_marked, role="plain")
+    return whole_text(language, entry.translated, measure, width, is_marked=is_marked, role="plain")
 
 
 def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, width: int) -> list[StyledLine]:
@@ -331,10 +331,10 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
 
 def _measure(checked: LoadResult, text: SpokenText, template: Template) -> str:
     """The number of characters, and the probable time to speak them."""
-    return f"{len(template.text)} · {format_seconds(said_seconds(checked, text, template))} s"
+    return f"{len(template.text)} · {format_seconds(speaking_seconds(checked, text, template))} s"
 
 
-def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> float:
+def speaking_seconds(checked: LoadResult, text: SpokenText, template: Template) -> float:
     """The probable time to speak something in place of a text, with the memory's start values."""
     spec = checked.robot.actions[text.call.type]
     call = replace(text.call, parameters={**text.call.parameters, text.parameter: template})
@@ -369,29 +369,29 @@ def folder_from(here: Path, folder: str) -> str:
 # --- edits ----------------------------------------------------------------------------------------------------------
 
 
-def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyEdit, ...]:
+def original_edits(draft: StudyDraft, entry: TextEntry, typed: str) -> tuple[AnyEdit, ...]:
     """The edits that change an act's text; none if it is the same.
 
     :raises EditRefused: the text is empty, or can only be changed in its file.
     """
-    text, said = entry.text, " ".join(said.split())
-    if said == text.text:
+    text, typed = entry.text, " ".join(typed.split())
+    if typed == text.text:
         return ()
-    if not said:
+    if not typed:
         raise EditRefused("a text cannot be empty: remove the action or the wording on the act's page (j)")
     try:
-        return (edit_of_original(text, said, draft.outline),)
+        return (edit_of_original(text, typed, draft.outline),)
     except EditRefused as refused:
         where = text.action.location
         raise EditRefused(f"{refused}; e opens {where.file}, line {where.line}") from None
 
 
-def translation_edits(entry: TextEntry, language: str, said: str) -> tuple[AnyEdit, ...]:
+def translation_edits(entry: TextEntry, language: str, typed: str) -> tuple[AnyEdit, ...]:
     """The edits that set a translation. An empty text removes it."""
-    said = " ".join(said.split())
-    if said == entry.said:
+    typed = " ".join(typed.split())
+    if typed == entry.translated:
         return ()
-    return (SetTranslation(language, entry.text.act, entry.text.key, said or None),)
+    return (SetTranslation(language, entry.text.act, entry.text.key, typed or None),)
 
 
 def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
@@ -403,4 +403,4 @@ def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
         raise EditRefused(f"{entry.text.id} in {language or 'another language'} is not of an earlier text")
     if problem := slot_problem(entry.text.template, entry.translation.template):
         raise EditRefused(f"it cannot still be right: {problem}")
-    return (SetTranslation(language, entry.text.act, entry.text.key, entry.said),)
+    return (SetTranslation(language, entry.text.act, entry.text.key, entry.translated),)

@@ -111,7 +111,7 @@ def test_the_lines_say_who_waits_for_whom(some: Act, most: int) -> None:
     assert sorted(row.position for row in rows) == list(range(len(some.actions)))
     assert len({len(row.rails) for row in rows}) == 1 and len(rows[0].rails) <= most + 1
     wanted = {(action.id, one) for action in some.actions for one in action.wait_for}
-    words = {(some.actions[row.position].id, one) for row in rows for one in row.untold}
+    words = {(some.actions[row.position].id, one) for row in rows for one in row.undrawn}
     lines = read(rows, some)
     assert lines | words == wanted and not lines & words
     if most == 12:

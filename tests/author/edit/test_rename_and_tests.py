@@ -16,7 +16,7 @@ import pytest
 from rise_engine.author.edit.edits import NameKind, Rename, RenameSetting
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.author.trial.study_test import read_study_test
-from rise_engine.author.trial.study_test_run import play_test, refusal, said_texts, started_acts, text_of_test
+from rise_engine.author.trial.study_test_run import begun_texts, play_test, refusal, started_acts, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Submit
@@ -119,7 +119,7 @@ def what_came(trial: Trial, rule: str, key: str) -> dict[str, Any]:
         "rules": {rule: view.state if view is not None and view.running else None},
         "memory": {key: value} if exists else {},
         "starts": started_acts(records),
-        "says": said_texts(records),
+        "says": begun_texts(records),
         "events": [normal_topic(topic) if number % 2 else topic for number, topic in enumerate(events)],
     }
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from rise_engine.author.explore.path_playback import PlayedPath, find_times, task_file_of
-from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.path_words import describe_path
 from rise_engine.author.explore.situation import Situation
 from rise_engine.author.explore.situation_graph import Path
 from rise_engine.author.explore.stepper import Fact
@@ -55,7 +55,7 @@ def test_ways_are_played_as_they_are_told(name: str, faults: int, tmp_path: File
     some = [*certain][:: max(1, len(certain) // 8)]
     for number, fact in enumerate(some):
         path, result = certain[fact]
-        told = tell_path(shipped(name), path, bounds_for(name, faults))
+        told = describe_path(shipped(name), path, bounds_for(name, faults))
         text = task_file_of(str(fact), told, result, f"scenarios/{name}")
         file = tmp_path / f"{number}.jsonl"
         file.write_text(text)
@@ -89,7 +89,7 @@ def test_chance_picks_as_the_way_has_it() -> None:
     by_chance = (
         path
         for path in paths_of("greeting", 0).values()
-        if any("chance decides" in each for each in tell_path(scenario, path, bounds))
+        if any("chance decides" in each for each in describe_path(scenario, path, bounds))
     )
     results = (find_times(scenario, path, bounds) for path in by_chance)
     assert any(result.is_certain and result.seed > 0 for result in results)
@@ -98,7 +98,7 @@ def test_chance_picks_as_the_way_has_it() -> None:
 def test_a_way_for_which_there_are_no_times_says_perhaps_and_why() -> None:
     ways = played("lab_opening", 0)
     fact, (path, result) = next((fact, way) for fact, way in ways.items() if not way[1].is_certain)
-    told = tell_path(shipped("lab_opening"), path, bounds_for("lab_opening", 0))
+    told = describe_path(shipped("lab_opening"), path, bounds_for("lab_opening", 0))
     text = task_file_of(str(fact), told, result, "scenarios/lab_opening")
     assert f"# This path could not be confirmed: {result.problem}." in text
     assert read_task_file(text.encode(), "perhaps.jsonl").tasks == tuple(

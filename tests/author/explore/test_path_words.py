@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from rise_engine.author.explore.exploration import main_rule, sessions_of
 from rise_engine.author.explore.moves import Bounds, Move
-from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.path_words import describe_path
 from rise_engine.author.explore.situation_graph import Path, Paths, PathStep
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Fact, Stepper
@@ -21,7 +21,7 @@ from tests.chance import searched
 
 @cache
 def told(name: str, faults: int, fact: Fact) -> list[str]:
-    return tell_path(shipped(name), paths_of(name, faults)[fact], bounds_for(name, faults))
+    return describe_path(shipped(name), paths_of(name, faults)[fact], bounds_for(name, faults))
 
 
 def test_what_the_wizard_does_and_what_the_rules_and_acts_do_then() -> None:
@@ -73,7 +73,7 @@ def test_values_that_are_tried() -> None:
     number = space.beginnings[0]
     space.take(number, space.stepper.follow(space.situations[number], space.zones[number]))
     paths = Paths(space)
-    sentences = {each for at in range(len(space.situations)) for each in tell_path(scenario, paths.to(at), bounds)}
+    sentences = {each for at in range(len(space.situations)) for each in describe_path(scenario, paths.to(at), bounds)}
     assert {"somebody sets task = 2.5", "somebody sets task = two"} <= sentences
 
 
@@ -88,10 +88,10 @@ def test_every_way_has_a_sentence_for_each_step(name: str) -> None:
 def test_a_way_of_another_study_is_refused() -> None:
     path = paths_of("lab_opening", 0)["state", "Conversation", "No answer"]
     with pytest.raises(RiseError):
-        tell_path(shipped("greeting"), path)
+        describe_path(shipped("greeting"), path)
     wrong = Path(path.begun, path.beginning, (PathStep(Move("end", "R_Nod", 3, "succeeded"), path.end),))
     with pytest.raises(RiseError, match="step 1"):
-        tell_path(shipped("lab_opening"), wrong)
+        describe_path(shipped("lab_opening"), wrong)
     other = replace(path, steps=(replace(path.steps[0], situation=path.end), *path.steps[1:]))
     with pytest.raises(RiseError, match="step 1"):
-        tell_path(shipped("lab_opening"), other)
+        describe_path(shipped("lab_opening"), other)

@@ -16,7 +16,7 @@ from random import Random
 import pytest
 from rise_exchange.scxml.rules_file import rules_text
 from rise_exchange.scxml.script import ChartRefusedError, read_script
-from rise_exchange.scxml.translation import UNDEFINED, Knowledge, Possible, Said, say_condition
+from rise_exchange.scxml.translation import UNDEFINED, Knowledge, Possible, TranslatedValue, translate_condition
 
 from rise_engine.expression import Expression
 from rise_engine.kernel.records import RuleRecord
@@ -62,11 +62,11 @@ KNOWN: Knowledge = {
 }
 
 
-def said(script: str) -> Said:
+def said(script: str) -> TranslatedValue:
     """A condition in our words. Raises ChartRefusedError."""
     read = read_script(script, SourceLocation("c.scxml"))
     assert read.root is not None, script
-    return say_condition(read.root, KNOWN)
+    return translate_condition(read.root, KNOWN)
 
 
 def test_they_hold_when_they_hold_in_ecmascript() -> None:

@@ -114,7 +114,7 @@ def test_at_level_public_there_is_no_free_speech_either(study: Path, bundle: Pat
     assert "shall we go on" in texts_in(bundle)
     assert "shall we go on" not in texts_in(tmp_path / "public")
     assert all(each.proved for each in prove_sessions(tmp_path / "public", None))
-    assert not any("said freely" in each for each in report.look_at)
+    assert not any("said freely" in each for each in report.to_check)
 
 
 def test_at_level_full_everything_is_as_it_was(study: Path, tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_at_level_full_everything_is_as_it_was(study: Path, tmp_path: Path) -> N
     for name in ("journal.jsonl", "session.toml", "scenario/acts/all.xml"):
         assert (tmp_path / "full" / "sessions" / folder.name / name).read_bytes() == (folder / name).read_bytes()
     assert (tmp_path / "full" / "study.toml").read_bytes() == (study / "study.toml").read_bytes()
-    assert any("do not publish it" in each for each in report.look_at)
+    assert any("do not publish it" in each for each in report.to_check)
 
 
 def test_the_exports_tell_of_the_sessions_that_are_in_it(bundle: Path) -> None:
@@ -158,7 +158,7 @@ def test_an_export_of_the_bundle_is_the_export_of_the_study(study: Path, bundle:
 def test_what_is_said_of_it(report: BundleReport, bundle: Path) -> None:
     assert any(line.startswith("sessions/: 7 sessions of 3 participants") for line in report.contents)
     assert any("1 participant of participants.csv who has no session" in line for line in report.omitted)
-    told = "\n".join(report.look_at)
+    told = "\n".join(report.to_check)
     assert "6 sentences that wizards said freely" in told
     assert "words that could be names: Nodd" in told
     readme = (bundle / "README.md").read_text("utf-8")
@@ -249,7 +249,7 @@ def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     report = bundle_of(study, tmp_path / "bundle", folders=folders)
     assert not (tmp_path / "bundle" / "plan.csv").exists()
     assert any("what the next participants get" in line for line in report.omitted)
-    assert any("LICENSE: nothing says" in line for line in report.look_at)
+    assert any("LICENSE: nothing says" in line for line in report.to_check)
 
 
 def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: Path) -> None:
@@ -272,8 +272,8 @@ def test_an_archive_names_the_session_that_cannot_be_run_again(tmp_path: Path) -
     journal.write_bytes(journal.read_bytes().replace(b"hurry", b"hurra", 1))
     report = bundle_of(study, tmp_path / "bundle", "full", [first, second])
     assert any(line.startswith("sessions/: 2 sessions of 1 participant, 1 of which can be") for line in report.contents)
-    told = [each for each in report.look_at if first.name in each]
-    assert len(told) == 1 and "reproduce will report it too" in told[0], report.look_at
+    told = [each for each in report.to_check if first.name in each]
+    assert len(told) == 1 and "reproduce will report it too" in told[0], report.to_check
 
 
 def test_answers_of_somebody_without_a_session_are_named(tmp_path: Path) -> None:
@@ -323,7 +323,7 @@ def test_who_publishes_stands_in_study_toml(tmp_path: Path) -> None:
             'funding = "DFG"\nlicense = "CC0-1.0"\ninstitution = "A lab"\n'
         )
     report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:2])
-    assert not any("LICENSE" in each or "dataset_description" in each for each in report.look_at)
+    assert not any("LICENSE" in each or "dataset_description" in each for each in report.to_check)
     crate = json.loads((tmp_path / "bundle" / "ro-crate-metadata.json").read_text("utf-8"))["@graph"]
     people = [each["name"] for each in crate if each["@type"] == "Person"]
     assert people == ["Doe, J.", "Roe, M."]

@@ -16,7 +16,7 @@ from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.bids import write_bids
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.tables import FORMAT
-from rise_engine.results.export.trial_tables import answers_text, told_answers
+from rise_engine.results.export.trial_tables import answers_at_level, answers_text
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.study.traces import find_names
 from tests.results.analysis.samples import make_study, sessions_of
@@ -155,11 +155,11 @@ def test_what_a_bundle_has_of_them_gives_the_same_again(study: Path) -> None:
     sessions = first_sessions(study)
     context = export_context(sessions, "shared")
     facts = [each.facts for each in read_sessions(sessions, level="shared")]
-    before = told_answers(context.study, "shared", facts, [])
+    before = answers_at_level(context.study, "shared", facts, [])
     for each in before:
         (study / each.settings.file).write_text(answers_text(each))
     warnings: list[str] = []
-    again = told_answers(context.study, "shared", facts, warnings)
+    again = answers_at_level(context.study, "shared", facts, warnings)
     assert [each.rows for each in again] == [each.rows for each in before]
     assert "P04" not in (study / "answers" / "godspeed.csv").read_text()
     assert not any("left out" in each for each in warnings)

@@ -223,7 +223,7 @@ async def test_arrows_go_through_rows_columns_and_tables_and_rows_are_found_adde
         await it.press("right", "enter", "backspace", "enter")
         await it.until(lambda: file_of(it, "empty") == "a,b\n…,\n")
         await it.press("left", "enter", "backspace")
-        await it.until(lambda: "a row of tables/empty.csv without any value would not be read" in page.said.text)
+        await it.until(lambda: "a row of tables/empty.csv without any value would not be read" in page.remarks.text)
         await it.press("enter")
         await it.until(lambda: "without any value" in it.notice, "what is wrong is said while it is typed")
         assert file_of(it, "empty") == "a,b\n…,\n"
@@ -267,7 +267,7 @@ async def test_participants_are_added_and_wrong_dates_are_said(tmp_path: Path, m
         await it.until(lambda: it.screen.study.draft.files["participants.csv"].decode() == f"{before}P09,,,\n")
         await it.press("right", "enter")
         await it.type("1.11.2026")
-        await it.until(lambda: "dates are written year-month-day: `2026-11-01`" in page_of(it).said.text)
+        await it.until(lambda: "dates are written year-month-day: `2026-11-01`" in page_of(it).remarks.text)
         await it.press("escape", "A")
         await it.type("age")
         await it.press("enter")

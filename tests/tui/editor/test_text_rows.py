@@ -26,9 +26,9 @@ from rise_tui.editor.model.text_rows import (
     original_lines,
     own_language,
     place_of,
-    said_seconds,
     session_note,
     shown_entries,
+    speaking_seconds,
     still_right_edits,
     text_entries,
     text_rows,
@@ -65,7 +65,7 @@ def entry(draft: StudyDraft, id: str, language: str = "de") -> TextEntry:
 )
 def test_a_text_says_what_its_translation_is(draft: StudyDraft, id: str, state: TextState, said: str) -> None:
     found = entry(draft, id)
-    assert (found.state, found.said) == (state, said)
+    assert (found.state, found.translated) == (state, said)
 
 
 def test_texts_are_counted_and_without_a_language_none_lacks_anything(draft: StudyDraft) -> None:
@@ -150,8 +150,8 @@ def test_a_folder_as_a_command_names_it(here: str, folder: str, named: str) -> N
 def test_a_longer_translation_takes_longer(draft: StudyDraft) -> None:
     found = entry(draft, "R_Apology/5")
     assert found.translation is not None
-    own = said_seconds(draft.checked, found.text, found.text.template)
-    assert own < said_seconds(draft.checked, found.text, found.translation.template)
+    own = speaking_seconds(draft.checked, found.text, found.text.template)
+    assert own < speaking_seconds(draft.checked, found.text, found.translation.template)
 
 
 def test_a_translation_with_other_memory_values_is_wrong(folder: Path) -> None:

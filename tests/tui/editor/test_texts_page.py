@@ -86,7 +86,7 @@ async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_tak
         await it.press("tab", "enter")
         assert page.field.text == "Well done!"
         await it.type(" Really.")
-        await it.until(lambda: "the text will have changed since its translation into de" in page.said.text)
+        await it.until(lambda: "the text will have changed since its translation into de" in page.remarks.text)
         await it.press("enter")
         await it.until(lambda: "Well done! Really." in it.draft_text)
         assert page.entry is not None and page.entry.state == "stale"
@@ -130,7 +130,7 @@ async def test_what_is_wrong_is_said_while_it_is_typed_what_is_pasted_is_one_lin
         page = await open_at(it, MISSING)
         await it.press("enter")
         await it.type("{persn}")
-        await it.until(lambda: "✗ the translation has {persn}" in page.said.text)
+        await it.until(lambda: "✗ the translation has {persn}" in page.remarks.text)
         assert "✓ no errors" in it.screen.top.text, "typing changes nothing"
         await it.press("f9")
         await it.until(lambda: sessions.stopped == 1)

@@ -13,7 +13,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, why_unavailable
-from rise_tui.model.failures import UnsaidText, failure_lines, unanswered_failures, unsaid_texts
+from rise_tui.model.failures import UnspokenText, failure_lines, unanswered_failures, unspoken_texts
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
 from tests.tui.conftest import Console, console
@@ -50,14 +50,14 @@ def action(client: FakeClient, task: int, id: str, kind: str, *statuses: str, **
         client.time += 1
 
 
-def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int], None]) -> list[UnsaidText]:
+def what_was_not_said(scenario: Scenario, *happenings: Callable[[FakeClient, int], None]) -> list[UnspokenText]:
     client = FakeClient(scenario)
     task = client.act("Instruct")
     for happening in happenings:
         happening(client, task)
     client.end_task(task, "Instruct", "ABORTED", "it went wrong")
     store = Store(client.attach_reply(), "anna", client.now)
-    return unsaid_texts(store.scenario, store.view.tasks[task], store.memory)
+    return unspoken_texts(store.scenario, store.view.tasks[task], store.memory)
 
 
 def said_hello(client: FakeClient, task: int) -> None:
@@ -75,8 +75,8 @@ def test_all_that_was_not_said_word_for_word_with_the_memory_s_values(study: Sce
         client.emit(MemoryRecord(0, 0.0, "", "side", "left", None, "wizard:anna", created=True))
 
     assert what_was_not_said(study, said_hello, looks_in_vain, left) == [
-        UnsaidText("Put the fork to the left.", begun=False),
-        UnsaidText("Was that clear?", begun=False, variants=2),
+        UnspokenText("Put the fork to the left.", begun=False),
+        UnspokenText("Was that clear?", begun=False, variants=2),
     ]
 
 
@@ -84,7 +84,7 @@ def test_a_value_that_is_missing_stays_as_it_is_written(study: Scenario) -> None
     def missing(client: FakeClient, task: int) -> None:
         client.action(task, "Instruct", "3", "Speech", "failed", message="Put the fork to the {side}.")
 
-    assert what_was_not_said(study, said_hello, missing)[0] == UnsaidText("Put the fork to the {side}.", begun=False)
+    assert what_was_not_said(study, said_hello, missing)[0] == UnspokenText("Put the fork to the {side}.", begun=False)
 
 
 def test_what_the_robot_was_given_is_perhaps_begun(study: Scenario) -> None:
@@ -92,7 +92,7 @@ def test_what_the_robot_was_given_is_perhaps_begun(study: Scenario) -> None:
         action(client, task, "1", "Speech", "started", "lost", message="Hello Ada.")
 
     first, *others = what_was_not_said(study, lost)
-    assert first == UnsaidText("Hello Ada.", begun=True)
+    assert first == UnspokenText("Hello Ada.", begun=True)
     assert [each.begun for each in others] == [False, False]
 
 

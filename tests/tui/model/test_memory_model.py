@@ -105,7 +105,7 @@ class Memory:
         elif step.function == "assignValue":
             for key, value in json.loads(step.behavior).items():
                 self.set(key, value)
-        return f"{step.kind}: {step.said}"
+        return f"{step.kind}: {step.notice}"
 
 
 def test_set_add_and_delete_are_taken_back_newest_first() -> None:

@@ -12,7 +12,7 @@ from rise_engine.kernel.record_words import parameters_text
 from rise_engine.scenario.model import Function, LexiconTable, Scenario, State, Transition
 from rise_tui.key_labels import key_name
 from rise_tui.model.act_text import ActText, shown_act
-from rise_tui.model.failures import unsaid_texts
+from rise_tui.model.failures import unspoken_texts
 from rise_tui.model.log_text import task_rows
 from rise_tui.model.resumption import entry_lines
 from rise_tui.model.speech import longest_sentence, remaining_sentences, scenario_sentences
@@ -105,8 +105,8 @@ def test_what_a_failed_act_did_not_say(study: Scenario) -> None:
     client.action(task, "Greet", "1", "Speech", "failed", message=SENT)
     client.end_task(task, "Greet", "ABORTED", "it went wrong")
     store = store_of(client)
-    assert [each.text for each in unsaid_texts(study, store.view.tasks[task], store.memory)] == [HEARD, HEARD]
-    assert [each.text for each in unsaid_texts(study, store.view.tasks[task], {})] == [HEARD, "Hello {name}!"]
+    assert [each.text for each in unspoken_texts(study, store.view.tasks[task], store.memory)] == [HEARD, HEARD]
+    assert [each.text for each in unspoken_texts(study, store.view.tasks[task], {})] == [HEARD, "Hello {name}!"]
 
 
 def test_what_a_state_would_say_at_once(study: Scenario) -> None:

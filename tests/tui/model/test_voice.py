@@ -34,8 +34,8 @@ class Cued(Played):
         self.mark("answered", task)
         return task
 
-    def robot(self, task: int, action: str, kind: str, *said: str, after: float = 0.5) -> None:
-        for status in said:
+    def robot(self, task: int, action: str, kind: str, *has_spoken: str, after: float = 0.5) -> None:
+        for status in has_spoken:
             self.client.time += after
             self.client.action(task, "Greet", action, kind, status, message="Hello Ada!")
 
@@ -102,7 +102,7 @@ def test_an_answer_that_ends_before_it_is_heard_was_not_said(ending: str) -> Non
     it.robot(task, "1", "Speech", "failed")
     assert it.clock == CueClock(T), "it may still say the other sentence"
     it.client.end_task(task, "Greet", ending)
-    assert it.clock == CueClock(T, T + 2.0, said=False)
+    assert it.clock == CueClock(T, T + 2.0, has_spoken=False)
 
 
 def test_a_substitute_that_takes_no_voice_is_not_heard() -> None:

@@ -16,8 +16,8 @@ FILLER = "startCommunicationRobotAct", "Filler"
 # --- pure -----------------------------------------------------------------------------------------------------------
 
 
-def cue(answered: float | None = None, filled: float | None = None, said: bool = True) -> CueClock:
-    return CueClock(100.0, answered, said, filled)
+def cue(answered: float | None = None, filled: float | None = None, has_spoken: bool = True) -> CueClock:
+    return CueClock(100.0, answered, has_spoken, filled)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_an_answer_shows_for_a_while_how_long_it_took() -> None:
     assert plain_text(cue_line(cue(answered=101.3), 101.3)) == "✓ answered 1.3 s"
     assert plain_text(cue_line(cue(answered=101.3), 106.0, short=True)) == "✓ 1.3 s"
     assert cue_line(cue(answered=101.3), 106.4) == ()
-    assert cue_line(cue(answered=101.3, said=False), 106.0) == (("✗ not said", "fault"),)
+    assert cue_line(cue(answered=101.3, has_spoken=False), 106.0) == (("✗ not said", "fault"),)
 
 
 def test_nothing_is_counted_without_a_cue_after_its_answer_and_when_nobody_answers_at_all() -> None:

@@ -50,8 +50,8 @@ def test_the_sentences_of_a_scenario() -> None:
     ],
 )
 def test_how_a_sentence_may_go_on(typed: str, going_on: str) -> None:
-    said = ["Well, that was it.", "Well, that is it."]
-    assert complete_speech(typed, said, scenario_sentences(demo()), {"task", "side"}) == going_on
+    sentences = ["Well, that was it.", "Well, that is it."]
+    assert complete_speech(typed, sentences, scenario_sentences(demo()), {"task", "side"}) == going_on
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_what_will_be_said(typed: str, expected: FilledSpeech) -> None:
 
 def test_the_history_goes_back_and_forth_and_keeps_the_draft() -> None:
     history = SpeechHistory(["one", "two", "one"])
-    assert history.said == ["two", "one"]
+    assert history.sentences == ["two", "one"]
     assert history.earlier("draft") == "one"
     assert history.earlier("one") == "two"
     assert history.earlier("two") == "two"
@@ -119,7 +119,7 @@ def shown(it: Console) -> str:
     return it.bars.speech_input.shown.text
 
 
-def said(client: FakeClient) -> list[tuple[str, str]]:
+def sentences(client: FakeClient) -> list[tuple[str, str]]:
     return [(message.behavior, message.calling_type) for message in client.sent if message.function == "say"]
 
 
@@ -135,7 +135,7 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once() -> None:
             before = it.client.now()
             await it.press(key)
             await it.sent("say", "To the left")
-            assert said(it.client) == [("To the left", calling_type)]
+            assert sentences(it.client) == [("To the left", calling_type)]
             assert it.client.sent[-1].pressed == pytest.approx(before, abs=0.5)
             await it.until(lambda: it.pane("acts").row_view.has_focus)
             assert not line.is_open
@@ -160,7 +160,7 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once() -> None:
         await it.until(lambda: it.screen.session.store.input_mode == "SAFE")
         await it.press("ctrl+t", "enter")
         await it.until(lambda: "not said: SAFE" in it.notice)
-        assert said(it.client) == [] and line.field.value == "ab"
+        assert sentences(it.client) == [] and line.field.value == "ab"
 
 
 @pytest.mark.slow

@@ -153,9 +153,9 @@ class ActionClient:
 
     def _take_status(self, message: Message) -> None:
         self.heard_at = self._now()
-        told = {bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]}
+        reported = {bytes(each["goal_info"]["goal_id"]["uuid"]): int(each["status"]) for each in message["status_list"]}
         several = self._status.count_publishers() > 1
-        self.statuses = {goal: self.statuses[goal] for goal in self.unfinished_goals() if several} | told
+        self.statuses = {goal: self.statuses[goal] for goal in self.unfinished_goals() if several} | reported
         self.on_status(self.statuses)
 
 

@@ -155,12 +155,12 @@ async def check_robot(
                 f"the robot {profile.name} was not examined: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
-    said = mapping_findings(profile, transport.fields)
+    findings = mapping_findings(profile, transport.fields)
     try:
         mappings = read_mappings(profile, transport.fields)
     except PortError:
-        return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in said]
-    warnings = [DoctorFinding("warning", "robot", each.sentence) for each in said]
+        return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in findings]
+    warnings = [DoctorFinding("warning", "robot", each.sentence) for each in findings]
     expected: list[_ExpectedEndpoint] = []
     live: LiveNames | None = None
     estop: EstopInput | None = None
@@ -206,11 +206,11 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
 
 def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:
     """Report other nodes that may move the robot. A session is named like any node."""
-    said: set[str] = set()
+    reported: set[str] = set()
     for each in expected:
         for node in graph_checks.other_clients(transport, each.full) if each.is_action else ():
-            if node not in said:
-                said.add(node)
+            if node not in reported:
+                reported.add(node)
                 yield DoctorFinding("note", "robot", graph_checks.describe_other_client(node, each.full))
 
 

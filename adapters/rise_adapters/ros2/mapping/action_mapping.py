@@ -92,9 +92,9 @@ class ResultRule(Struct, frozen=True):
             return ""
         if isinstance(code, bool):
             return text or "the robot says that it did not succeed"
-        said = f"error code {code}" if self.ok and isinstance(code, int) else self._describe_miss(code)
+        code_text = f"error code {code}" if self.ok and isinstance(code, int) else self._describe_miss(code)
         means = text or self.codes.get(str(code), "")
-        return f"{means} ({said})" if means else said
+        return f"{means} ({code_text})" if means else code_text
 
     def _describe_miss(self, code: float | str) -> str:
         """`success_rate is 0.2, and a success is at least 0.5`"""

@@ -76,7 +76,7 @@ class _ComparedEndpoint:
         self.presence = ServerPresence(clock)
         self.comparison = EndpointComparison()
         """The result of the last comparison."""
-        self.told: object = 0
+        self.reported_others: object = 0
         """The value of `others` that its goals last got."""
         self.open: dict[str, OpenOne] = {}
         """The open goals that hold it, by action. Meanwhile it gets nothing else."""
@@ -220,7 +220,7 @@ class ActionEndpoint(_ComparedEndpoint):
         return gone
 
     @property
-    def has_told(self) -> bool:
+    def shows_goals(self) -> bool:
         """Whether a goal that runs there would be visible: after an absence, only by a status, if it publishes any."""
         is_mute = not self.client.count_status_publishers()
         is_late = self._clock.now() >= self.presence.appeared_at + HEARING_SECONDS
@@ -396,10 +396,10 @@ class TopicEndpoint(_ComparedEndpoint):
 
     def begin_stop(self) -> None:
         """Prepare to send the reset to every listener again, because other programs may have published, too."""
-        self._listeners.forget_told()
+        self._listeners.note_other_order()
         self._taken_back_at = self._clock.now()
 
-    def tell(self, *, everybody: bool) -> None:
+    def repeat_reset(self, *, everybody: bool) -> None:
         """Publish the reset again if some listener may lack it. `everybody`: also for listeners without an order of
         ours."""
         if self.user is not None or not self.is_stoppable or not (everybody or self._listeners.have_order):
@@ -410,7 +410,7 @@ class TopicEndpoint(_ComparedEndpoint):
             and now < since + LEASE_SECONDS
             and now >= self._reset_at + max(FINDING_SECONDS, self._reset_at - since)
         )
-        if self._listeners.untold or (is_repeated and self._listeners.present):
+        if self._listeners.lacks_reset or (is_repeated and self._listeners.present):
             self._publish_reset()
 
     def release(self, goal: OpenOne) -> None:
@@ -429,9 +429,9 @@ class TopicEndpoint(_ComparedEndpoint):
         return self._listeners.is_owed
 
     @property
-    def was_told(self) -> bool:
+    def all_received_reset(self) -> bool:
         """Whether all listeners have received the last reset, as far as that can be known."""
-        return not (self._listeners.is_owed or self._listeners.untold)
+        return not (self._listeners.is_owed or self._listeners.lacks_reset)
 
     def _publish_reset(self) -> None:
         reset = self._make_reset(self.reset_by.action if self.reset_by is not None else "")
@@ -445,7 +445,7 @@ class TopicEndpoint(_ComparedEndpoint):
                 self._warned_of = str(error)
                 _LOG.warning("nothing can be published on %s: %s", self.name, error)
         else:
-            self._listeners.tell()
+            self._listeners.note_reset()
 
     @property
     def trouble(self) -> str:

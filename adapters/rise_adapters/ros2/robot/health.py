@@ -52,7 +52,7 @@ class EstopWatch:
         self._clock = clock
         self._began: deque[float] = deque(maxlen=UNSTEADY_TIMES)
         self._is_faulty = False
-        self._told: frozenset[tuple[str, str]] = frozenset()
+        self._reported: frozenset[tuple[str, str]] = frozenset()
 
     def faults(self, estop: EstopInput | None) -> frozenset[tuple[str, str]]:
         """As `RobotHealth.faults`."""
@@ -64,8 +64,10 @@ class EstopWatch:
             began.append(now)
         is_unsteady = len(began) == UNSTEADY_TIMES and now < began[0] + UNSTEADY_SECONDS
         present = frozenset({(estop.label, str(estop.fault))} if estop.fault else ())
-        self._told = self._told | present if self._told and is_unsteady else present  # another fault is reported
-        return self._told
+        self._reported = (
+            self._reported | present if self._reported and is_unsteady else present
+        )  # another fault is reported
+        return self._reported
 
 
 def assess(
@@ -129,12 +131,12 @@ def describe(
     if status == "connected":
         return f"{title} on ROS 2 ({transport.about})"
     misfits = [misfit for each in endpoints for misfit in each.comparison.misfits]
-    told = [
+    troubles = [
         *([describe_misfits(misfits)] if misfits else []),
         *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
         *([estop.trouble] if estop is not None and estop.fault else []),
     ]
-    trouble = "; ".join(dict.fromkeys(told))
+    trouble = "; ".join(dict.fromkeys(troubles))
     if status == "degraded":
         return trouble or "the emergency stop comes and goes"
     if misfits:

@@ -32,7 +32,7 @@ class Listeners:
         """The present listeners, and since when each listens."""
         self._ordered: set[bytes] = set()
         """The programs that have the last order and may not have received its reset."""
-        self._told: dict[bytes, float] = {}
+        self._reset_at: dict[bytes, float] = {}
         """The listeners that have received the reset, and when."""
         self._missed: dict[bytes, float] = {}
         """The programs that have the last order but do not listen, and since when."""
@@ -56,11 +56,11 @@ class Listeners:
         self._since = {each: self._since.get(each, now) for each in found}
         self._came = self._since | self._came
         self._missed = {each: self._missed.get(each, now) for each in self._ordered - self._since.keys()}
-        self._told = {each: at for each, at in self._told.items() if each in self._since}
+        self._reset_at = {each: at for each, at in self._reset_at.items() if each in self._since}
         back = self._since.keys() if stands and latched else self._away & self._since.keys()
         self._ordered |= back
         self._away -= back
-        if not (stands or self.is_owed) and all(now >= at + LEASE_SECONDS for at in self._told.values()):
+        if not (stands or self.is_owed) and all(now >= at + LEASE_SECONDS for at in self._reset_at.values()):
             self.write_off()
 
     def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
@@ -70,23 +70,23 @@ class Listeners:
             self.write_off()
         self._came = dict.fromkeys(found, self._now()) | self._came
         self._ordered.update(found)
-        self._told.clear()
+        self._reset_at.clear()
 
     def adopt(self) -> None:
         """Note that an earlier engine has published an order."""
         self._ordered.add(_SOMEBODY)
         self._missed[_SOMEBODY] = self._came[_SOMEBODY] = -inf
 
-    def tell(self) -> None:
+    def note_reset(self) -> None:
         """Note that the reset is published."""
         now = self._now()
         for each, since in self._since.items():
             if now >= since + FINDING_SECONDS:
-                self._told.setdefault(each, now)
+                self._reset_at.setdefault(each, now)
 
-    def forget_told(self) -> None:
+    def note_other_order(self) -> None:
         """Note that other programs may have published an order."""
-        self._told.clear()
+        self._reset_at.clear()
 
     def write_off(self) -> None:
         """Stop owing the reset to absent programs. (They get it if they ever return.)"""
@@ -100,20 +100,20 @@ class Listeners:
         return bool(self._ordered) or _SOMEBODY in self._away
 
     @property
-    def untold(self) -> bool:
+    def lacks_reset(self) -> bool:
         """Whether any listener has not received the reset."""
-        return bool(self._since.keys() - self._told.keys())
+        return bool(self._since.keys() - self._reset_at.keys())
 
     @property
     def is_owed(self) -> bool:
         """Whether a program has an order, has not received its reset, and no other program has replaced it."""
-        untold, told = self._ordered - self._told.keys(), self._told.keys()
-        if _SOMEBODY in untold and not any(self._replaces(each, _SOMEBODY) for each in told):
+        missing, received = self._ordered - self._reset_at.keys(), self._reset_at.keys()
+        if _SOMEBODY in missing and not any(self._replaces(each, _SOMEBODY) for each in received):
             return True
-        if any(missed not in self._missed for missed in untold):
+        if any(missed not in self._missed for missed in missing):
             return True
-        instead = told | self._missed.keys()
-        for missed in sorted(untold - {_SOMEBODY}, key=self._replaceable_from, reverse=True):
+        instead = received | self._missed.keys()
+        for missed in sorted(missing - {_SOMEBODY}, key=self._replaceable_from, reverse=True):
             found = next((each for each in sorted(instead) if self._replaces(each, missed)), None)
             if found is None:
                 return True

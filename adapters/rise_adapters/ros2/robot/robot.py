@@ -244,7 +244,7 @@ class Ros2Robot:
         topics = [each for each in self._endpoints if isinstance(each, TopicEndpoint)]
         steps: list[Callable[[], object]] = [topic.begin_stop for topic in topics]
         steps += [goal.cancel for goal in tuple(self._goals.values())]
-        steps += [self._poll_endpoints, *(partial(topic.tell, everybody=True) for topic in topics)]
+        steps += [self._poll_endpoints, *(partial(topic.repeat_reset, everybody=True) for topic in topics)]
         self._attempt(steps)
         self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
         self._stop.begin()
@@ -402,13 +402,13 @@ class Ros2Robot:
         turn = next(self._turn, None) if some is None else None
         polled = tuple(self._endpoints if some is None else some)
         self._attempt(partial(self._poll_endpoint, endpoint, turn) for endpoint in polled)
-        changed = [endpoint for endpoint in polled if endpoint.others != endpoint.told]
+        changed = [endpoint for endpoint in polled if endpoint.others != endpoint.reported_others]
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":
             self._report_state()  # report the loss first, so that nothing new begins in response
         for endpoint in changed:
-            endpoint.told = endpoint.others
+            endpoint.reported_others = endpoint.others
             there = [goal for goal in self._goals.values() if goal.endpoint is endpoint]
             self._attempt(goal.on_server_changed if endpoint.presence.count else goal.on_server_gone for goal in there)
         if self._stop is not None:
@@ -420,7 +420,7 @@ class Ros2Robot:
         if not lost and (endpoint is turn or endpoint.others != before or not endpoint.comparison.complete):
             self._compare_endpoint(endpoint)
         if isinstance(endpoint, TopicEndpoint):
-            endpoint.tell(everybody=self._stop is not None)
+            endpoint.repeat_reset(everybody=self._stop is not None)
 
     def _compare_endpoint(self, endpoint: Endpoint) -> None:
         looked = endpoint.compare()

@@ -142,7 +142,7 @@ class CancelAll:
                 self._moved_since = True
         elif not (running or self._moved_since or self.answer is None) and presence.count:
             is_free = presence.count == 1 and not self.endpoint.open
-            self._has_confirmed = is_free and self.endpoint.has_told and not self._has_rejected
+            self._has_confirmed = is_free and self.endpoint.shows_goals and not self._has_rejected
         return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
@@ -155,7 +155,7 @@ class CancelAll:
             return "something was begun there after the stop"
         if presence.count > 1:
             return f"{presence.count} servers, and only one can have answered"
-        if not (endpoint.has_told or self.find_running()):
+        if not (endpoint.shows_goals or self.find_running()):
             return "it has only just appeared"
         if self.answer is None:
             return "asked, no answer"
@@ -307,7 +307,7 @@ class StopAll:
 
 
 def _why_topic_unconfirmed(topic: TopicEndpoint) -> str:
-    """Why a topic has not confirmed, for a person. (`TopicEndpoint.tell` sends the reset to its listeners.)"""
+    """Why a topic has not confirmed, for a person. (`TopicEndpoint.repeat_reset` sends the reset to its listeners.)"""
     if topic.presence.count:
-        return "told to stop; a topic gives no answer" if topic.was_told else NOT_HEARD
+        return "told to stop; a topic gives no answer" if topic.all_received_reset else NOT_HEARD
     return topic.misfit_kind or ("gone" if topic.presence.was_seen else "never seen")

@@ -67,27 +67,27 @@ LogLine: TypeAlias = tuple[int, str]
 def log_line_for_record(record: AnyRecord) -> LogLine | None:
     """The line for a record; None: no line."""
     words = words_of(record)
-    said = words.full_sentence[:_LONGEST]
+    sentence = words.full_sentence[:_LONGEST]
     match record:
         case SessionRecord(status=status):
-            return WARN if status == "recovered" else INFO, said
+            return WARN if status == "recovered" else INFO, sentence
         case RobotRecord(status=status):
-            return {"connected": INFO, "degraded": WARN}.get(status, ERROR), said
+            return {"connected": INFO, "degraded": WARN}.get(status, ERROR), sentence
         case StopRecord(status="let-go"):
             return INFO, words.text
         case StopRecord(status=status):
             level = ERROR if record.unconfirmed else INFO if status == "released" else WARN
-            return level, said
+            return level, sentence
         case TaskRecord(status="REJECTED" | "ABORTED"):
             return WARN, words_of(record, sources=True).full_sentence[:_LONGEST]
         case ActionRecord(status="failed" | "timed-out" | "lost"):
             return WARN, f"{words.kind} of {record.act} {words.text}"
         case RuleRecord(status="faulted"):
-            return ERROR, said
+            return ERROR, sentence
         case RecordingRecord(status="stalled" | "failed"):
-            return WARN, said
+            return WARN, sentence
         case OutcomeRecord():
-            return INFO, f"the {said}"
+            return INFO, f"the {sentence}"
         case NoteRecord() if record.source == "engine" or record.source.startswith("ros:"):
             return INFO, f"note: {record.text}"
         case _:

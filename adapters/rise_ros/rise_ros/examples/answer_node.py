@@ -62,9 +62,9 @@ class AnswerNode:
         if self.thinking is not None:
             self.thinking.cancel()  # the rule has left its state: an answer would be too late
         if message["status"] == "entered" and message["state"] == self.options.state:
-            self.thinking = asyncio.get_running_loop().create_task(self.ask_and_say())
+            self.thinking = asyncio.get_running_loop().create_task(self.answer_question())
 
-    async def ask_and_say(self) -> None:
+    async def answer_question(self) -> None:
         options, session = self.options, self.session
         try:
             question = str(await session.read_memory(options.question_key, ""))

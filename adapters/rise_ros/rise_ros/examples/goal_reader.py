@@ -56,17 +56,17 @@ class _ActionPattern:
 
     def read_parameters(self, message: Message) -> dict[str, Any]:
         found: dict[str, Any] = {}
-        told: dict[str, dict[str, Any]] = {}
+        given: dict[str, dict[str, Any]] = {}
         """By the parameter that names a place, the place's values in the message."""
         for path, written in self._fields:
-            self._read_field(_parse_pieces(written), field_at(message, path), found, told)
-        for name, values in told.items():
+            self._read_field(_parse_pieces(written), field_at(message, path), found, given)
+        for name, values in given.items():
             if (place := self._find_place(values)) is not None:
                 found.setdefault(name, place)
         return found
 
     def _read_field(
-        self, pieces: tuple[Any, ...], value: Any, found: dict[str, Any], told: dict[str, dict[str, Any]]
+        self, pieces: tuple[Any, ...], value: Any, found: dict[str, Any], given: dict[str, dict[str, Any]]
     ) -> None:
         for slot in (piece for piece in pieces if isinstance(piece, Placeholder)):
             if slot.special:
@@ -77,23 +77,23 @@ class _ActionPattern:
                 value = 2 * math.atan2(value.get("z", 0.0), value.get("w", 1.0))
                 slot = replace(slot, unit=None if slot.key else "rad")
             if slot.key:
-                told.setdefault(slot.name, {})[slot.key] = value
+                given.setdefault(slot.name, {})[slot.key] = value
             elif parameter.place and isinstance(value, dict):
                 for path, written in _list_fields(pose_fields(_type_of_pose(value), slot.name) or {}):
-                    self._read_field(_parse_pieces(written), field_at(value, path), found, told)
+                    self._read_field(_parse_pieces(written), field_at(value, path), found, given)
             else:
                 alone = len(pieces) == 1
                 read = self._read_parameter(parameter, slot, value) if alone else _whole_text(parameter, value)
                 if read is not None:
                     found.setdefault(slot.name, read)
 
-    def _find_place(self, told: Mapping[str, Any]) -> str | None:
+    def _find_place(self, given: Mapping[str, Any]) -> str | None:
         """The first place that may have these values."""
         return next(
             (
                 name
                 for name, place in self._places.items()
-                if all(_is_near(place[key], value) for key, value in told.items() if key in place)
+                if all(_is_near(place[key], value) for key, value in given.items() if key in place)
             ),
             None,
         )

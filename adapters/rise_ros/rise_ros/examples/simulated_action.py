@@ -167,7 +167,7 @@ class SimulatedAction:
         run.begun, run.seconds = self._clock.now(), expected_seconds(run.spec, run.parameters)
         if run.has_fault("slow"):
             run.seconds *= run.amount or 1.0
-        self._tell_progress(run)
+        self._publish_progress(run)
         if run.has_fault("hang"):
             run.seconds = inf
         elif run.has_fault("fail", "abort"):
@@ -219,12 +219,12 @@ class SimulatedAction:
             else:
                 self._stop(run)
 
-    def _tell_progress(self, run: _RunningGoal) -> None:
+    def _publish_progress(self, run: _RunningGoal) -> None:
         if self._progress is None:
             return
         done = (self._clock.now() - run.begun) / run.seconds if run.seconds else 1.0
         run.goal.publish_feedback(self._progress(min(done, 1.0)))
-        run.progress = self._call_after(self._every, partial(self._tell_progress, run))
+        run.progress = self._call_after(self._every, partial(self._publish_progress, run))
 
     def _call_after(self, seconds: float, then: Callable[[], None]) -> Timer:
         return self._clock.call_at(self._clock.now() + seconds, then)

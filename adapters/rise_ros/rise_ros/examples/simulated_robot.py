@@ -97,7 +97,7 @@ class RobotOnWire:
         self._is_there = True
         self._log.note("appeared")
         if self._has_lifecycle:  # only for a lifecycle node
-            self._lifecycle.append(self._transport.serve("~/get_state", STATE_TYPE, self._tell_state))
+            self._lifecycle.append(self._transport.serve("~/get_state", STATE_TYPE, self._answer_state))
             self._events = self._transport.publisher("~/transition_event", EVENT_TYPE)
             self._lifecycle.append(self._events)
         shared: dict[tuple[str, str, str], list[str]] = {}
@@ -139,21 +139,21 @@ class RobotOnWire:
     def deactivate(self) -> None:
         """Finish running goals, and accept no more, like an inactive lifecycle node."""
         self._is_active = False
-        self._tell_transition()
+        self._publish_transition()
         self._log.note("inactive")
         self._print("the robot is inactive (simulated fault)")
 
     def activate(self) -> None:
         """Accept goals again."""
         self._is_active = True
-        self._tell_transition()
+        self._publish_transition()
         self._log.note("active")
         self._print("the robot is active")
 
-    def _tell_state(self, request: Message, reply: SendReply) -> None:
+    def _answer_state(self, request: Message, reply: SendReply) -> None:
         reply({"current_state": self._state()})
 
-    def _tell_transition(self) -> None:
+    def _publish_transition(self) -> None:
         if self._is_there:
             self._events.publish({"goal_state": self._state()})
 
