@@ -14,7 +14,7 @@ from textual.binding import Binding
 from rise_engine.kernel.records import stopper_words
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.kernel.wizard_marks import filler_acts
-from rise_tui.model.control import BlockedReason, Deed
+from rise_tui.model.control import BlockedReason, Intent
 from rise_tui.model.store import Store
 
 KeyScope: TypeAlias = Literal[
@@ -84,10 +84,10 @@ def _logged(store: Store) -> Obstacle:
 
 
 def _blocks(
-    deed: Deed, find: Callable[[Store], object] = lambda store: True, missing: str = ""
+    intent: Intent, find: Callable[[Store], object] = lambda store: True, missing: str = ""
 ) -> Callable[[Store], Obstacle]:
-    """Make an obstacle: what blocks this deed, or the sentence `missing` if `find` finds nothing."""
-    return lambda store: store.blocked_reason(deed) or (None if find(store) else missing)
+    """Make an obstacle: what blocks this intent, or the sentence `missing` if `find` finds nothing."""
+    return lambda store: store.blocked_reason(intent) or (None if find(store) else missing)
 
 
 _change, _remark, _start = _blocks("change"), _blocks("remark"), _blocks("start")

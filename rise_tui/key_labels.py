@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_tui.actions import BY_ID, ConsoleAction
-from rise_tui.model.control import BlockedReason, Deed, blocked_text
+from rise_tui.model.control import BlockedReason, Intent, blocked_text
 from rise_tui.model.store import Store
 
 KEY_LABELS = {
@@ -68,9 +68,9 @@ def key_name(id: str) -> str:
 # --- reasons ----------------------------------------------------------------------------------------------------------
 
 
-def why_blocked(store: Store, deed: Deed) -> str:
-    """What blocks this deed, as a sentence with the user's own keys; empty: nothing."""
-    return blocked_text(store.blocked_reason(deed), key_name)
+def why_blocked(store: Store, intent: Intent) -> str:
+    """What blocks this intent, as a sentence with the user's own keys; empty: nothing."""
+    return blocked_text(store.blocked_reason(intent), key_name)
 
 
 def why_task_blocked(store: Store, function: str) -> str:

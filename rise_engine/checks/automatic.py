@@ -25,7 +25,7 @@ from rise_engine.study.study_scenarios import scenario_folder
 DEFAULT_SPACE = 1_000_000_000
 """Bytes that must be free if `min` does not set a number."""
 TIMEDATECTL_SECONDS = 5.0
-NOBODYS_NAMES = frozenset(
+GENERIC_NAMES = frozenset(
     {
         *("admin", "administrator", "debian", "docker", "experimenter", "guest", "lab", "laptop", "nao", "nobody"),
         *("operator", "pc", "pepper", "pi", "raspberry", "robot", "ros", "root", "student", "test", "tester", "ubuntu"),
@@ -210,7 +210,7 @@ def check_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
         if name in wizards:
             return Finding(True, name)
         return Finding(False, name, f"not in the table [wizards] of study.toml{did_you_mean(name, wizards)}")
-    if name.lower() in NOBODYS_NAMES:
+    if name.lower() in GENERIC_NAMES:
         who = "this is an account or a role, and does not say who it is"
         return Finding(False, name, f"{who}; --wizard NAME, or add it to [wizards] in study.toml")
     return Finding(True, name)

@@ -220,10 +220,10 @@ class ExpressionCompiler:
         if value is MISSING:
             return 0.0
         if not isinstance(value, int | float):
-            raise self._misfit(node, value, NO_NUMBER)
+            raise self._mismatch(node, value, NO_NUMBER)
         return to_double(value)
 
-    def _misfit(self, node: Node, value: Json, problem: str) -> EvaluationError:
+    def _mismatch(self, node: Node, value: Json, problem: str) -> EvaluationError:
         return EvaluationError(f"`{with_all_brackets(node)}` is {describe(value)}, which {problem}", self.text)
 
     def compile_part(self, part: Part, *, asked: bool = False) -> PartReader:
@@ -258,7 +258,7 @@ class ExpressionCompiler:
                 return compute(value)
             if value is MISSING:
                 return absent
-            raise self._misfit(node, value, problem)
+            raise self._mismatch(node, value, problem)
 
         return run
 

@@ -323,7 +323,7 @@ class Kernel:
             case ControlChanged():
                 core.emit(ControlRecord, input.status, input.by, input.holder)
                 if input.holder is not None:
-                    self.scheduler.let_go()
+                    self.scheduler.resume_waiting()
             case SessionStarted():
                 self._begin_session(input)
             case ScenarioChanged():

@@ -123,7 +123,7 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
             )
         case ActionRecord():
             kind = record.type if record.sent_as is None else f"{record.type} as {record.sent_as}"
-            ended = f"{record.status.replace('-', ' ')}{_took(took)}"
+            ended = f"{record.status.replace('-', ' ')}{_duration_note(took)}"
             return RecordWords(kind, parameters_text(record.parameters), _add(ended, record.reason))
         case RuleRecord():
             return _rule_words(record)
@@ -178,10 +178,10 @@ def _task_text(record: TaskRecord, took: float | None, sources: bool) -> str:
     elif record.status == "CANCELED" and reason.startswith(("stopped ", "interrupted ")):
         state, reason = f"was {reason}", ""
     if not sources or not record.source:
-        return _add(f"{state}{_took(took)}", reason)
+        return _add(f"{state}{_duration_note(took)}", reason)
     if record.status in ("ACTIVE", "SUCCEEDED"):
-        return _add(f"{state} by {record.source}{_took(took)}", reason)
-    return f"{_add(f'{state}{_took(took)}', reason)} (asked for by {record.source})"
+        return _add(f"{state} by {record.source}{_duration_note(took)}", reason)
+    return f"{_add(f'{state}{_duration_note(took)}', reason)} (asked for by {record.source})"
 
 
 def parameters_text(parameters: dict[str, Any]) -> str:
@@ -366,7 +366,7 @@ def _add(text: str, more: str) -> str:
     return f"{text}: {more}" if more else text
 
 
-def _took(seconds: float | None) -> str:
+def _duration_note(seconds: float | None) -> str:
     return "" if seconds is None else f", {seconds:.1f} s"
 
 

@@ -16,7 +16,7 @@ ActionStatus: TypeAlias = Literal[
     "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
-"""What was wrong with a wizard's deed; `none`: nothing, which takes a mark back."""
+"""What was wrong with a wizard's action; `none`: nothing, which takes a mark back."""
 FailureStatus: TypeAlias = Literal["asked", "waiting", "repeated", "gone-on", "dropped"]
 CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]

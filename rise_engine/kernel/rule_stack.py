@@ -132,7 +132,7 @@ def remove_from_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
 
 
 STEP_LIMIT = 1_000
-"""The number of steps (starts and transitions) of one rule in one macrostep before the culprit is searched for."""
+"""The number of steps (starts and transitions) of one rule in one macrostep before the runaway rule is searched for."""
 MAX_VAIN_SEARCHES = 100
 """The number of failed searches in one macrostep before the macrostep counts as endless."""
 
@@ -142,7 +142,7 @@ MULTIPLIED = (
 )
 
 
-class Culprit(Struct, frozen=True):
+class RunawayRule(Struct, frozen=True):
     """The rule that keeps a chain of causes going."""
 
     name: str
@@ -161,7 +161,7 @@ class Culprit(Struct, frozen=True):
         return f"took {steps} steps in one go, each of which led to the next, without waiting for anything; {probably}"
 
 
-def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int] | None) -> Culprit | None:
+def find_runaway_rule(chain: Cause, running: Container[str], fallback: tuple[str, int] | None) -> RunawayRule | None:
     """The running rule with the most steps in a chain of causes, at least two; of equals, the first.
 
     Without such a rule there is no known loop: None, or `fallback` (a rule and its steps).
@@ -178,7 +178,7 @@ def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int
         fallback = next(name for name in reversed(repeated) if name in running and steps[name] == most), most
     if fallback is None:
         return None
-    return Culprit(*fallback, tuple(name for name in repeated if name != fallback[0]))
+    return RunawayRule(*fallback, tuple(name for name in repeated if name != fallback[0]))
 
 
 def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:

@@ -36,8 +36,8 @@ from rise_engine.kernel.rule_stack import (
     RuleRun,
     RuleStack,
     append_to_lists,
-    find_culprit,
     find_multiplier,
+    find_runaway_rule,
     rank,
     remove_from_lists,
 )
@@ -79,7 +79,7 @@ class RuleMachine:
         self.kept = KeptEvents(core)
         self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
-        """The last macrostep in which a search found no culprit, and the number of such searches in it."""
+        """The last macrostep in which a search found no runaway rule, and the number of such searches in it."""
 
     # --- start and end ---
 
@@ -434,16 +434,18 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the culprit, which the chain of causes
+        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the runaway rule, which the chain of causes
         shows (semantics.md 6.4). Returns whether the step is still taken."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # whether the chain began in an earlier input
-        culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
-        if culprit is None:
+        runaway = find_runaway_rule(
+            (run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None
+        )
+        if runaway is None:
             self._stop_multiplier()
         else:
-            reason = culprit.reason(culprit.steps - (culprit.name == run.name))  # its last step was not taken
-            self._end(self.stack[culprit.name], "faulted", "ABORTED", reason)
+            reason = runaway.reason(runaway.steps - (runaway.name == run.name))  # its last step was not taken
+            self._end(self.stack[runaway.name], "faulted", "ABORTED", reason)
         run.step_count = 1
         return run.alive
 

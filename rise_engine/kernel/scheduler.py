@@ -103,10 +103,10 @@ class Scheduler:
         self._advancing = True
         while self._advance_again:
             self._advance_again = False
-            self._start_what_may()
+            self._start_possible()
         self._advancing = False
 
-    def let_go(self) -> None:
+    def resume_waiting(self) -> None:
         """Start what waited for a wizard: first the next actions of running acts, then the waiting tasks."""
         if self._core.waits_for_wizard:
             self._core.waits_for_wizard = False
@@ -115,7 +115,7 @@ class Scheduler:
             self._advancing = False
             self.advance()
 
-    def _start_what_may(self) -> None:
+    def _start_possible(self) -> None:
         if self._core.waits_for_wizard:
             return
         under_way = (*(run.task for run in self.runner.runs.values()), *self._failures.pausing)

@@ -56,7 +56,7 @@ class StopLatch:
         self.count += 1
         self._core.emit(StopRecord, "requested", source=source, held_by=tuple(self.held_by))
 
-    def let_go(self, source: str) -> None:
+    def note_released(self, source: str) -> None:
         """Note that an emergency stop is no longer pressed. The stop stays latched."""
         self.held_by.remove(source)
         self._core.emit(StopRecord, "let-go", source=source, held_by=tuple(self.held_by))

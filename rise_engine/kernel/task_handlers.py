@@ -421,7 +421,7 @@ class TaskHandlers:
             self._stop.held_by.append(report.source)
             self._stop_all(Submit(function="stopAll", source=report.source))
         else:
-            self._stop.let_go(report.source)
+            self._stop.note_released(report.source)
 
     def _release_stop(self, task: Submit) -> None:
         stopped_rules = self._stop.stopped_rules

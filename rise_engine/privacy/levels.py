@@ -29,7 +29,7 @@ ExportLevel: TypeAlias = Literal["full", "shared", "public"]
 LEVELS: tuple[ExportLevel, ...] = ("full", "shared", "public")
 _STARTED = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
 _PERSON = re.compile(r"^(wizard|observer):(.*)$", re.DOTALL)
-_NOBODY = frozenset({"command-line"})
+_NON_PERSONS = frozenset({"command-line"})
 _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
 """Texts that are already counted, in a shared session."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
@@ -125,7 +125,7 @@ class LevelFilter:
         return {name: self._hide_people(name, each) for name, each in values.items()}
 
     def _note_person(self, role: str, name: str) -> None:
-        if not name or name in _NOBODY or name in self._people:
+        if not name or name in _NON_PERSONS or name in self._people:
             return
         letter = {"wizard": "W", "coder": "C"}.get(role, "O")
         numbers = (f"{letter}{number}" for number in range(1, 10_000))

@@ -316,13 +316,13 @@ class _Redaction:
     def _erase_kept_files(self) -> None:
         """Delete parts of old journals that a recovery kept, if they contain the words or end within one."""
         for path in sorted(self._folder.iterdir()):
-            if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
+            if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._contains_words(path):
                 path.unlink()
                 self._report.erased.append(path.name)
 
     # --- what remains ---
 
-    def _stands_in(self, path: Path) -> bool:
+    def _contains_words(self, path: Path) -> bool:
         text = path.read_bytes().decode("utf-8", "ignore")
         return self._words.is_cut_off(text) or any(self._words.find(line) for line in text.splitlines())
 
@@ -343,11 +343,11 @@ def find_words(folder: Path, words: Words) -> list[str]:
             if words.find(str(name)):
                 found.append(f"the name of {name}")
             continue
-        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {name_some(places)}{_whose(name)}")
+        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {name_some(places)}{_owner_note(name)}")
     return found
 
 
-def _whose(name: Path) -> str:
+def _owner_note(name: Path) -> str:
     if name.parts[0].partition(".")[0] == SCENARIO_COPY:
         return ": the scenario's own words, which are not changed"
     if name.parts[0] == SHADOW_FOLDER:

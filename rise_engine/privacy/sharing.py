@@ -311,7 +311,7 @@ class StandIns:
 
     def replace(self, value: Any) -> Any:
         """Replace private values in the texts and numbers of a JSON value."""
-        return self._private.replace_values(value, self._stand_in)
+        return self._private.replace_values(value, self._replace_value)
 
     def replace_memory(self, memory: dict[str, Any]) -> dict[str, Any]:
         """Replace private values in memory, given by key."""
@@ -349,8 +349,10 @@ class StandIns:
         def replace(found: re.Match[str]) -> str:
             written = found[0]
             if written[0] in "\"'":
-                return f"{written[0]}{self._stand_in(slot, written[1:-1])}{written[0]}" if written[1:-1] else written
-            return str(self._stand_in(slot, float(written)))
+                return (
+                    f"{written[0]}{self._replace_value(slot, written[1:-1])}{written[0]}" if written[1:-1] else written
+                )
+            return str(self._replace_value(slot, float(written)))
 
         return text[:start] + _LITERAL.sub(replace, text[start:])
 
@@ -369,10 +371,10 @@ class StandIns:
         if value is None or value == "":
             return value  # an empty value does not identify anybody
         if isinstance(value, bool):
-            return self._stand_in(slot, json.dumps(value))
-        return self._stand_in(slot, value)
+            return self._replace_value(slot, json.dumps(value))
+        return self._replace_value(slot, value)
 
-    def _stand_in(self, slot: str, found: str | int | float) -> str | int:
+    def _replace_value(self, slot: str, found: str | int | float) -> str | int:
         """Return the stand-in. A number gets a number, with which a scenario can compute; a changed result is noticed.
         Each word of a text gets a word, so that a first name has the same stand-in alone and in the full name."""
         if isinstance(found, str):

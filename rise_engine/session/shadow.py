@@ -86,7 +86,7 @@ class ShadowKey(Struct, tag_field="kind", tag="key", frozen=True, kw_only=True):
 
 
 class ShadowMark(Struct, tag_field="kind", tag="mark", frozen=True):
-    """The wizard's judgement of a deed of the first wizard."""
+    """The wizard's judgement of an action of the first wizard."""
 
     t: float
     task: int

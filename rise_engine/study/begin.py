@@ -176,10 +176,10 @@ def running_problem(state: StudyStatus, participant: str) -> str:
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
     if running is None:
         return ""
-    whose = "their own session" if running.participant == participant else f"the session of {running.participant}"
+    owner_text = "their own session" if running.participant == participant else f"the session of {running.participant}"
     if not running.participant:
-        whose = "another session of this study"
-    return f"{whose} is running (run {running.run}, begun {when_text(running.started)}): end it first"
+        owner_text = "another session of this study"
+    return f"{owner_text} is running (run {running.run}, begun {when_text(running.started)}): end it first"
 
 
 def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:

@@ -79,7 +79,7 @@ def reassign_session(open: OpenStudy, session: str, participant: str, reason: st
         near = did_you_mean(session, [each.name for each in state.sessions])
         raise StudyError(f"the study has no session {session!r}{near}")
     entry = target.entry
-    slot, why_not = _row_that_goes(state, target, participant)
+    slot, why_not = _moving_row(state, target, participant)
     problems = [] if reason.strip() else ["say why it is another participant's: --reason"]
     if entry.participant == participant:
         problems.append(f"{session} is {participant}'s already")
@@ -114,7 +114,7 @@ def reassign_session(open: OpenStudy, session: str, participant: str, reason: st
     return reassignments([written])[session]
 
 
-def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> tuple[int | None, str]:
+def _moving_row(state: StudyStatus, session: StudySession, participant: str) -> tuple[int | None, str]:
     """Return the row that moves with a session; or None and the reason why its holder keeps it."""
     entry = session.entry
     counted = [each.entry for each in state.sessions if each.entry.purpose == "counted"]

@@ -13,7 +13,7 @@ from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.labels import copied_sessions, outage_differences, session_folders
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.sessions import MOVED_AWAY, StudySession
+from rise_engine.study.sessions import NOT_IN_SESSIONS, StudySession
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 from rise_engine.study.study_scenarios import scenario_of
@@ -67,7 +67,7 @@ def prove_sessions(
             continue
         if session is not None and session.entry.status == "running":
             continue
-        if session is not None and session.info is None and session.missing != MOVED_AWAY:
+        if session is not None and session.info is None and session.missing != NOT_IN_SESSIONS:
             yield ProvedSession(name, None, (f"it {session.missing}",))
             continue
         if name not in there:

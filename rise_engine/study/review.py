@@ -39,7 +39,7 @@ from rise_engine.study.plan import make_plan, runs
 from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan_hash, read_plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
-from rise_engine.study.sessions import MOVED_AWAY, StudySession, read_sessions
+from rise_engine.study.sessions import NOT_IN_SESSIONS, StudySession, read_sessions
 from rise_engine.study.study_log import LOG_FILE, WITHDRAWN_PREFIX, EntryKind, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals, is_withdrawn, returned_sessions
@@ -188,7 +188,7 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
     known = {each.name: each for each in read_sessions(folder, study.id, entries)}
     for session in known.values():
         location = SourceLocation(f"{SESSIONS}/{session.name}")
-        if session.missing == MOVED_AWAY:  # as when data are deleted in time
+        if session.missing == NOT_IN_SESSIONS:  # as when data are deleted in time
             diagnostics.warning("lost-session", location, f"it {session.missing}")
         elif session.missing:
             diagnostics.error("lost-session", location, f"it {session.missing}")

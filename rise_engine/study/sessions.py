@@ -33,7 +33,7 @@ GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for the outcome of a session that was not continued."""
 
 
-MOVED_AWAY = "is not in the study's sessions any more"
+NOT_IN_SESSIONS = "is not in the study's sessions any more"
 NO_JOURNAL = "has no readable journal: its record is lost, unless a backup has it. Restore the journal from there"
 
 
@@ -43,7 +43,7 @@ class StudySession(Struct, frozen=True):
     info: SessionInfo | None
     """None: its record is not readable (`missing`)."""
     missing: str = ""
-    """Why only the log or session.toml has it: `MOVED_AWAY`, `NO_JOURNAL`, or `cannot be read: ...`."""
+    """Why only the log or session.toml has it: `NOT_IN_SESSIONS`, `NO_JOURNAL`, or `cannot be read: ...`."""
     abandoned: bool = False
     """Whether a person decided not to continue it."""
     left_open: bool = False
@@ -110,7 +110,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
             session = _from_folder(path, info, outcomes.get(path.name, ()), running=is_running)
             session = replace(session, differences=tuple(session_differences(path, entries)))
             found[path.name] = _reassign(session, moved.get(path.name))
-        elif _nothing_happened(path, entries):
+        elif _is_without_input(path, entries):
             passed_over.add(path.name)
         elif path.name in logged:
             unreadable[path.name] = NO_JOURNAL
@@ -119,7 +119,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            session = _from_log(folder, each, outcomes.get(name, ()), unreadable.get(name, MOVED_AWAY))
+            session = _from_log(folder, each, outcomes.get(name, ()), unreadable.get(name, NOT_IN_SESSIONS))
             session = _reassign(session, moved.get(name))
             if not is_withdrawn(session.entry.participant, log):
                 found[name] = session
@@ -146,7 +146,7 @@ def _timestamp(started: str) -> float:
         return 0.0
 
 
-def _nothing_happened(path: Path, entries: Iterable[LogEntry]) -> bool:
+def _is_without_input(path: Path, entries: Iterable[LogEntry]) -> bool:
     """Whether the engine was killed before any input. Then no time was noted, and the log has at most the session's
     start.
 

@@ -201,7 +201,7 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
     """Report levels without a difference in the robot's behaviour: their condition would be only a label."""
     for at, level in enumerate(levels):
-        same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
+        same = next((each for each in levels[:at] if behaviour_key(each) == behaviour_key(level)), None)
         if same is not None:
             message = (
                 f"the robot does the same in `{same.name}` and `{level.name}`: give them other memory values or "
@@ -210,7 +210,7 @@ def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
             table.report_key("same-level", message, "levels", level.name)
 
 
-def what_it_does(level: Level) -> tuple[str, bytes]:
+def behaviour_key(level: Level) -> tuple[str, bytes]:
     """Return a value that is equal for levels with the same robot behaviour. `1` and `true` differ."""
     return level.scenario, encode(level.memory, order="sorted")
 

@@ -32,8 +32,8 @@ from rise_engine.study.traces import (
     questionnaire_files,
 )
 
-_STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
-_OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
+_STUDY_FILES = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
+_PERSONAL_FILES = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
 _OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
 """The files at the top of a bundle and of a BIDS export. Both contain copies of scenarios."""
 
@@ -60,7 +60,7 @@ def why_not_export(study: Path, export: str) -> str:
         was = f"was exported with their data{f' to {path}' if str(path) not in there else ''}"
         return f"{' and '.join(there)} {was}, and is outside the study's folder: erase it yourself"
     first = real.relative_to(root).parts[0]
-    own = first in _STUDYS_OWN or first.startswith(".") or str(real.relative_to(root)) in questionnaire_files(study)
+    own = first in _STUDY_FILES or first.startswith(".") or str(real.relative_to(root)) in questionnaire_files(study)
     if own or path.is_symlink() or _is_of_scenario(real, root):
         return f"{path} is named as an export of their data, and is a part of the study: check what it is"
     return ""
@@ -102,7 +102,7 @@ def why_not_place(study: Path, path: Path) -> str:
     real, root = _real_place(path), Path(os.path.realpath(study))
     if real == root or root in real.parents or real in root.parents:
         return f"{path} is not a recorder's file, but a part of the study: check what it is"
-    if any((parent / name).exists() for parent in real.parents for name in _OF_SOMEBODY):
+    if any((parent / name).exists() for parent in real.parents for name in _PERSONAL_FILES):
         return f"{path} is in the folder of another session or study: check what it is"
     return ""
 

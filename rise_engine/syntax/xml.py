@@ -360,7 +360,7 @@ def _read(tree: XmlTree) -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        found = _ask_lxml(text) or _odd_name(text, data[: max(parser.ErrorByteIndex, 0)], error)
+        found = _ask_lxml(text) or _invalid_name_error(text, data[: max(parser.ErrorByteIndex, 0)], error)
         raise found from None
     is_doubtful = deepest > _DEEP or _PREFIX.search(text) is not None
     is_doubtful |= text.lstrip().startswith("<?xml") and _USUAL_DECLARATION.match(text) is None
@@ -380,7 +380,7 @@ def _ask_lxml(text: str) -> XmlSyntaxError | None:
     return None if found is None else XmlSyntaxError(*found)
 
 
-def _odd_name(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxError:
+def _invalid_name_error(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxError:
     """The error for a character that no name can contain, which lxml accepts and expat does not."""
     at = len(before.decode(errors="ignore"))
     character = text[at : at + 1]

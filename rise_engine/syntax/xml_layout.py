@@ -158,7 +158,7 @@ def gap_behind(element: Element, *, blank_line: bool = False, alone_apart: bool 
     if has_own_lines(element):
         at = _line_rest(element)
         is_alone = element.parent is not None and len(element.parent) == 1
-        is_apart = blank_line and (alone_apart if is_alone else _is_set_apart(element))
+        is_apart = blank_line and (alone_apart if is_alone else _has_empty_line_before(element))
         before = line_end_near(element) * (2 if is_apart else 1) + indent
         return _gap(element, at, at, before, "", indent, own_line=True)
     return _gap(element, element.end, element.end, _separator(element), "", indent, own_line=False)
@@ -207,7 +207,7 @@ def _siblings(element: Element) -> list[Element]:
     return [element] if element.parent is None else element.parent
 
 
-def _is_set_apart(element: Element) -> bool:
+def _has_empty_line_before(element: Element) -> bool:
     """Whether an empty line separates an element from the sibling before it, or the first from the second."""
     siblings = _siblings(element)
     at = siblings.index(element)

@@ -119,7 +119,7 @@ class _Repairer:
             if skip is not None:
                 end = text.find(skip, start)
                 if skip == ">" and end >= 0:
-                    self.replace_odd_blanks(start, end, "")
+                    self.replace_unusual_spaces(start, end, "")
                 position = run_start = end + len(skip) if end >= 0 else len(text)
             else:
                 position = run_start = self.repair_start_tag(start)
@@ -130,10 +130,10 @@ class _Repairer:
     def skip_blanks(self, start: int, instead: str) -> int:
         """Skip blanks. Blanks that XML does not know are reported and replaced."""
         end = match_end(_GAP, self.text, start)
-        self.replace_odd_blanks(start, end, instead)
+        self.replace_unusual_spaces(start, end, instead)
         return end
 
-    def replace_odd_blanks(self, start: int, end: int, instead: str) -> None:
+    def replace_unusual_spaces(self, start: int, end: int, instead: str) -> None:
         """Replace the blanks that XML does not know, with one diagnostic for all of them."""
         first = position = find_unseen(self.text, start, end)
         if first < 0:
@@ -146,10 +146,10 @@ class _Repairer:
             position = find_unseen(self.text, position + 1, end)
 
     def repair_outside_root(self, start: int, end: int) -> None:
-        """Remove odd blanks before or after the outermost element if nothing else is there."""
+        """Remove unusual spaces before or after the outermost element if nothing else is there."""
         gap = _GAP.match(self.text, start, end)
         if gap is not None and gap.end() == end:
-            self.replace_odd_blanks(start, end, "")
+            self.replace_unusual_spaces(start, end, "")
 
     def repair_start_tag(self, start: int) -> int:
         """Read a start tag tolerantly and repair its attribute values. Returns the offset after it."""
@@ -165,7 +165,7 @@ class _Repairer:
             equals = _EQUALS.match(text, attribute.end())
             if equals is None:
                 return attribute.end()
-            self.replace_odd_blanks(equals.start(), equals.end(), " ")
+            self.replace_unusual_spaces(equals.start(), equals.end(), " ")
             opening = equals.end()
             end = self.repair_typographic_value(opening)
             if end < 0:

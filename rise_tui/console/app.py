@@ -406,7 +406,7 @@ class ConsoleApp(RiseApp):
     def _on_signal(self, loop: asyncio.AbstractEventLoop, number: signal.Signals) -> None:
         """Runs in the signal handler itself, or on the writer's thread."""
         if self.terminal_writer is not None:
-            self.terminal_writer.hurry()
+            self.terminal_writer.end_quickly()
         self._signal = self._signal or number
         with suppress(RuntimeError):  # the loop has ended already
             loop.call_soon_threadsafe(self._leave_by_signal, number)

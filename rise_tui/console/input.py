@@ -235,7 +235,7 @@ class InputController:
             self.send("stopRuleOfAct", str(failed.id))
 
     def mark_mistake(self) -> None:
-        """Mark the wizard's last deed as wrong immediately, and ask for the correct word."""
+        """Mark the wizard's last action as wrong immediately, and ask for the correct word."""
         if self.is_pasting:
             return
         shadows = self._store.attach_reply.shadow

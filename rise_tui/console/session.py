@@ -15,7 +15,7 @@ from rise_engine.run.client.shadow import ShadowClient
 from rise_engine.run.protocol.client import AttachReply, Client, ClientUpdate, ControlVerb, EngineGone, LinkLost
 from rise_engine.session.folder import JOURNAL, has_ended
 from rise_tui.key_labels import key_name, why_blocked
-from rise_tui.model.control import Deed
+from rise_tui.model.control import Intent
 from rise_tui.model.notice import Notice, task_label
 from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart, parts_of_sent
 
@@ -202,9 +202,9 @@ class ConsoleSession:
                 return False
         return True
 
-    async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, deed: Deed) -> str:
-        """Send a message that is not a task. Returns why it was refused, or empty. `deed`: the right that it needs."""
-        if reason := why_blocked(self.store, deed):
+    async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, intent: Intent) -> str:
+        """Send a message that is not a task. Returns why it was refused, or empty. `intent`: the right that it needs."""
+        if reason := why_blocked(self.store, intent):
             return reason
         reply = await self._answer(self.client.send(message))
         if reply is not None:

@@ -349,7 +349,7 @@ class StudyScreen(Screen[None]):
 
     # --- a session begins -------------------------------------------------------------------------------------------
 
-    def _work(self, busy: str, work: Coroutine[Any, Any, None]) -> None:
+    def _start_job(self, busy: str, work: Coroutine[Any, Any, None]) -> None:
         self.busy = busy
         self.say(f"{busy} …", "wait")
         self.run_worker(work, group="session", exclusive=True)
@@ -360,7 +360,7 @@ class StudyScreen(Screen[None]):
         self.read()
 
     def _prepare(self, request: SessionRequest) -> None:
-        self._work(f"preparing the session of {request.participant}", self._show_plan(request))
+        self._start_job(f"preparing the session of {request.participant}", self._show_plan(request))
 
     async def _show_plan(self, request: SessionRequest) -> None:
         try:
@@ -385,13 +385,13 @@ class StudyScreen(Screen[None]):
         study_dialogs.show_plan(self.app, plan, each, self.conditions, self.wizard, maker, begin)
 
     def _start(self, plan: SessionPreview, checks: tuple[CheckReport, ...]) -> None:
-        self._work(
+        self._start_job(
             f"the session of {plan.request.participant} is starting",
             self._started(lambda report: self._source.start(plan, checks, self.wizard, report)),
         )
 
     def _go_to(self, entry: SessionEntry) -> None:
-        self._work(
+        self._start_job(
             f"opening the session of {entry.participant}",
             self._started(lambda report: self._source.attach(entry, self.wizard)),
         )
@@ -417,7 +417,7 @@ class StudyScreen(Screen[None]):
     def _ask_about_unfinished(self, each: ParticipantStanding, entry: SessionEntry) -> None:
         def carry_out(key: str | None) -> None:
             if key == "r":
-                self._work(
+                self._start_job(
                     f"the session of {each.participant} is being recovered",
                     self._started(lambda report: self._source.recover(entry, self.wizard, report)),
                 )
@@ -446,7 +446,9 @@ class StudyScreen(Screen[None]):
 
     def _judge(self, entry: SessionEntry, given: Outcome | None) -> None:
         if given is not None:
-            self._named(lambda: self._work(f"recording: {entry.participant} {given.status}", self._write(entry, given)))
+            self._named(
+                lambda: self._start_job(f"recording: {entry.participant} {given.status}", self._write(entry, given))
+            )
 
     async def _write(self, entry: SessionEntry, given: Outcome) -> None:
         try:

@@ -16,13 +16,13 @@ from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.acts import (
     act_choices,
     act_seconds,
+    action_content,
     action_fields,
     action_rows,
     action_type,
     file_lines,
     new_action_parameters,
     scale_line,
-    what_text,
 )
 from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.fields import EditField
@@ -239,4 +239,4 @@ class ActPage(FormPage):
             others = {name: value.text for name, value in action.calls[0].parameters.items() if name != "message"}
             self.make(AddVariant(self.shown_name, action.id, {"message": text, **others}))
 
-        self.frame.ask_text("Another wording", "", take, hint=f"Beside: {what_text(action)}"[:64])
+        self.frame.ask_text("Another wording", "", take, hint=f"Beside: {action_content(action)}"[:64])

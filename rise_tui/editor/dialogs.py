@@ -29,15 +29,15 @@ from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 NEW = "\0new"
 """The id of the row that creates the typed name."""
-WHOLE = 3
+MAX_HELP_LINES = 3
 """Lines for the full help of a choice."""
-IN_WORDS = 2
+ONLY_IN_HELP = 2
 
 
 def _distance(choice: FieldChoice, typed: str) -> int:
-    """0: the choice's name begins with the text; 1: the name contains it; IN_WORDS: only the help contains it."""
+    """0: the choice's name begins with the text; 1: the name contains it; ONLY_IN_HELP: only the help contains it."""
     title, wanted = choice.title.casefold(), typed.casefold()
-    return 0 if title.startswith(wanted) else 1 if wanted in title else IN_WORDS
+    return 0 if title.startswith(wanted) else 1 if wanted in title else ONLY_IN_HELP
 
 
 class Picked(NamedTuple):
@@ -114,7 +114,7 @@ class PickList(SearchDialog[Picked]):
             found.sort(key=lambda each: _distance(each, typed))
         rows = [ListRow(each.value, self._line(each, width)) for each in found]
         if self._new and typed and all(each.value != typed for each in self._choices):
-            by_title = sum(_distance(each, typed) < IN_WORDS for each in found)
+            by_title = sum(_distance(each, typed) < ONLY_IN_HELP for each in found)
             rows.insert(by_title, ListRow(NEW, ((f" make “{typed}”, {self._new}", "accent"),)))
         self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
 
@@ -126,8 +126,8 @@ class PickList(SearchDialog[Picked]):
         room = width - self._title_width(width) - 4
         self._whole.display = any(cell_width(each.help) > room for each in self._choices)
         chosen = next((each.help for each in self._choices if each.value == self.list.current_id), "")
-        lines = wrap(chosen, max(20, width - 4))[:WHOLE] if cell_width(chosen) > room else []
-        self._whole.show(*(((f"   {line}", "plain"),) for line in [*lines, *[""] * (WHOLE - len(lines))]))
+        lines = wrap(chosen, max(20, width - 4))[:MAX_HELP_LINES] if cell_width(chosen) > room else []
+        self._whole.show(*(((f"   {line}", "plain"),) for line in [*lines, *[""] * (MAX_HELP_LINES - len(lines))]))
 
     def _keys_line(self) -> str:
         if self._ticked is not None:

@@ -153,7 +153,7 @@ class StudyFrame(Screen[None]):
     def begin(self) -> None:
         """Offer an earlier editor's draft, explore, and watch the files."""
         self.set_interval(WATCH_SECONDS, self._watch)
-        self._work(self._offer_draft())
+        self._start_job(self._offer_draft())
         self._explore()
 
     def say(self, sentence: str, level: Level = "info") -> None:
@@ -167,7 +167,7 @@ class StudyFrame(Screen[None]):
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         if edits:
-            self._work(self._make(edits, then))
+            self._start_job(self._make(edits, then))
         elif then is not None:
             self.attempt(then)
 
@@ -183,7 +183,7 @@ class StudyFrame(Screen[None]):
         """Whether a job of a key is running that may open something."""
         return self._works > 0
 
-    def _work(self, work: Coroutine[Any, Any, None]) -> None:
+    def _start_job(self, work: Coroutine[Any, Any, None]) -> None:
         self._works += 1
         self.run_worker(self._carry_out(work), group="edit")
 
@@ -243,41 +243,41 @@ class StudyFrame(Screen[None]):
     def _watch(self) -> None:
         """Look for outside changes to files and for a new session, while nothing is being typed."""
         if self.app.screen is self and not self.study.busy and not self.page.is_typing:
-            self.look_outside()
+            self.check_disk_changes()
 
     @work(group="watch", exclusive=True)
-    async def look_outside(self) -> None:
+    async def check_disk_changes(self) -> None:
         """Look for changed files and for a new session now."""
         if self._sessions is not None:
             found = await asyncio.to_thread(self._sessions.find, Path(self.study.draft.folder))
             if found != self.running:
                 self.running = found
                 self.draw_bars()
-        await self._look_outside(settled=True)
+        await self._read_disk_changes(settled=True)
 
-    async def _look_outside(self, *, settled: bool = False) -> bool:
+    async def _read_disk_changes(self, *, settled: bool = False) -> bool:
         """Read outside changes. True: the author must choose the version that stays."""
         try:
-            outside = await self.study.do("", lambda workspace: workspace.notice_outside(settled=settled))
+            changes = await self.study.do("", lambda workspace: workspace.read_disk_changes(settled=settled))
         except EditRefused as refused:
             self.say(str(refused), "fault")
             return True
-        if outside is None:
+        if changes is None:
             return False
-        files = ", ".join(outside.files)
+        files = ", ".join(changes.files)
         self._explore()
         self.draw()
-        if outside.clash:
-            self._ask_about_clash(outside.clash)
+        if changes.clash:
+            self._ask_about_clash(changes.clash)
         else:
             self.say(f"{files} changed on the disk: read again", "wait")
-        return bool(outside.clash)
+        return bool(changes.clash)
 
     def _ask_about_clash(self, files: Sequence[str]) -> None:
-        dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
+        dialogs.ask_about_clash(self.app, files, lambda: self._start_job(self._take_disk_changes(files)))
 
-    async def _take_outside(self, files: Sequence[str]) -> None:
-        self._report_change(await self.study.do("changing", lambda workspace: workspace.take_outside(files)))
+    async def _take_disk_changes(self, files: Sequence[str]) -> None:
+        self._report_change(await self.study.do("changing", lambda workspace: workspace.take_disk_changes(files)))
         self.draw()
 
     async def _offer_draft(self) -> None:
@@ -288,31 +288,31 @@ class StudyFrame(Screen[None]):
 
         def answer(key: str | None) -> None:
             if key == "t":
-                self._work(self._take_up(draft))
+                self._start_job(self._take_up(draft))
             elif key == "d":
-                self._work(self.study.do("", Workspace.discard_draft))
+                self._start_job(self.study.do("", Workspace.discard_draft))
             else:
                 self.close()
 
         self.app.push_screen(dialogs.draft_dialog(draft), answer)
 
     async def _take_up(self, draft: Draft) -> None:
-        outside = await self.study.do("reading the draft", lambda workspace: workspace.take_up_draft(draft))
+        changes = await self.study.do("reading the draft", lambda workspace: workspace.take_up_draft(draft))
         self.say("your changes are restored: ctrl+o saves them")
         self.draw()
-        if outside.clash:
-            self._ask_about_clash(outside.clash)
+        if changes.clash:
+            self._ask_about_clash(changes.clash)
 
     # --- files -------------------------------------------------------------------------------------------------------
 
     async def _ask_to_save(self) -> None:
-        if await self._look_outside():
+        if await self._read_disk_changes():
             return
         if not self.study.draft.changed_files:
             self.say("nothing to save")
             return
         question = SaveDialog(self.study.draft, self.study.workspace.diff())
-        self.app.push_screen(question, lambda yes: self._work(self._save()) if yes else None)
+        self.app.push_screen(question, lambda yes: self._start_job(self._save()) if yes else None)
 
     async def _save(self) -> None:
         report = await self.study.do("saving", Workspace.save)
@@ -331,7 +331,7 @@ class StudyFrame(Screen[None]):
         else:
             await edit_file(self.app, self, place)
             self.draw()
-            self.look_outside()
+            self.check_disk_changes()
 
     # --- stopping and leaving ----------------------------------------------------------------------------------------
 
@@ -362,7 +362,7 @@ class StudyFrame(Screen[None]):
 
         def answer(key: str | None) -> None:
             if key == "s":
-                self._work(self._ask_to_save())
+                self._start_job(self._ask_to_save())
             elif key == "l":
                 self.close()
 

@@ -24,7 +24,7 @@ from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.lines import RowList
 
-BESIDE = 100
+MIN_TRIAL_COLUMNS = 100
 """Minimum columns for a trial run beside the rule. In a narrower terminal it replaces the rule."""
 
 
@@ -130,7 +130,7 @@ class RulePage(RuleHost):
 
     @property
     def _is_beside(self) -> bool:
-        return self.app.size.width >= BESIDE
+        return self.app.size.width >= MIN_TRIAL_COLUMNS
 
     def try_rule(self, rule: str, state: str) -> None:
         scenario = self.draft.checked.scenario

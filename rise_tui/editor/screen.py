@@ -105,7 +105,7 @@ class EditScreen(StudyFrame):
             return
         page = make(self, name)
         page.back = back
-        self._work(self._show_page(page))
+        self._start_job(self._show_page(page))
 
     async def _show_page(self, page: EditPage) -> None:
         before, self.opened = self.opened, page
@@ -122,7 +122,7 @@ class EditScreen(StudyFrame):
         if self.opened is not None and self.opened.back is not None:
             self.open_page(*self.opened.back)
         else:
-            self._work(self._close_page())
+            self._start_job(self._close_page())
 
     async def _close_page(self) -> None:
         page, self.opened = self.opened, None
@@ -199,11 +199,11 @@ class EditScreen(StudyFrame):
     @property
     def _calls(self) -> Mapping[str, Callable[[], object]]:
         return {
-            "edit.undo": lambda: self._work(self._undo()),
-            "edit.redo": lambda: self._work(self._redo()),
-            "edit.save": lambda: self._work(self._ask_to_save()),
+            "edit.undo": lambda: self._start_job(self._undo()),
+            "edit.redo": lambda: self._start_job(self._redo()),
+            "edit.save": lambda: self._start_job(self._ask_to_save()),
             "edit.findings": lambda: choose_finding(self, self.app),
-            "edit.file": lambda: self._work(self._open_file()),
+            "edit.file": lambda: self._start_job(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
             "filter": self._open_find,
@@ -217,14 +217,14 @@ class EditScreen(StudyFrame):
 
     def _go_home(self) -> None:
         if self.opened is not None:
-            self._work(self._close_page())
+            self._start_job(self._close_page())
 
     # --- find ---------------------------------------------------------------------------------------------------------
 
     def _open_find(self) -> None:
         """Search the page, or the list of the study if the page has nothing to search."""
         if self.opened is not None and not self.opened.CAN_FILTER:
-            self._work(self._find_in_list())
+            self._start_job(self._find_in_list())
         else:
             self.find_bar.open("")
 

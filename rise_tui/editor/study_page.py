@@ -29,7 +29,7 @@ from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.lines import RowList, RowView
 
-BESIDE = 76
+MIN_ITEM_COLUMNS = 76
 """Minimum columns for the item under the cursor."""
 
 
@@ -91,7 +91,7 @@ class StudyPage(EditPage):
         return FilePlace(file, 1, 1) if file else None
 
     def draw(self) -> None:
-        self.set_class(self.size.width >= BESIDE, "-beside")
+        self.set_class(self.size.width >= MIN_ITEM_COLUMNS, "-beside")
         made_from = self.draft.checked, max(20, self.rows.row_width), self.wanted
         if self._made_from is None or made_from[0] is not self._made_from[0] or made_from[1:] != self._made_from[1:]:
             self._made_from = made_from

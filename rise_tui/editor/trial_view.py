@@ -19,14 +19,14 @@ from textual.message import Message
 
 from rise_engine.author.drawing.state_graph import GraphLayout, lay_out_graph
 from rise_engine.author.trial.trial import Trial
-from rise_engine.author.trial.trial_history import happened
+from rise_engine.author.trial.trial_history import history_lines
 from rise_engine.scenario.model import Rule, Scenario
 from rise_tui.editor.model.trial_rows import (
     GO_ON,
     begin,
     find_running_rule,
-    happened_rows,
     head_lines,
+    history_rows,
     key_of,
     play_again,
     trial_rows,
@@ -96,7 +96,7 @@ class TrialView(Vertical):
     def play(self, scenario: Scenario, rule: str, state: str = "") -> None:
         """Begin with a rule, in the named state or its first."""
         self._scenario, self._rule, self._state = scenario, rule, state
-        self._work(lambda: self._begin(scenario))
+        self._queue_job(lambda: self._begin(scenario))
 
     def play_changed(self, scenario: Scenario) -> None:
         """Repeat the steps in the changed study."""
@@ -110,14 +110,14 @@ class TrialView(Vertical):
             play_again(before.steps, trial)
             self.trial = trial
 
-        self._work(again)
+        self._queue_job(again)
 
     def _begin(self, scenario: Scenario) -> None:
         trial = Trial(scenario)
         begin(trial, self._rule, self._state)
         self.trial = trial
 
-    def _work(self, work: Callable[[], object]) -> None:
+    def _queue_job(self, work: Callable[[], object]) -> None:
         """Do one job after the other in a thread, because a rule in a loop takes long."""
         self.run_worker(self._do(work), group="trial")
 
@@ -131,7 +131,7 @@ class TrialView(Vertical):
     def _with_trial(self, work: Callable[[Trial], object]) -> None:
         trial = self.trial
         if trial is not None:
-            self._work(lambda: work(trial))
+            self._queue_job(lambda: work(trial))
 
     # --- drawing ---
 
@@ -144,7 +144,7 @@ class TrialView(Vertical):
         self._draw_graph(trial)
         self.rows.show(trial_rows(trial, self._rule, width))
         self.heading.show(((" WHAT HAPPENED, AND WHY", "strong"),))
-        rows = happened_rows(happened(trial), self.lines.row_width)
+        rows = history_rows(history_lines(trial), self.lines.row_width)
         self.lines.show(rows or [ListRow("", ((" nothing yet", "muted"),), selectable=False)])
         self.lines.scroll_to(y=max(0, len(rows) - self.lines.size.height), animate=False)
 
@@ -265,7 +265,7 @@ class TrialView(Vertical):
     def action_restart(self) -> None:
         scenario = self._scenario
         if scenario is not None:
-            self._work(lambda: self._begin(scenario))
+            self._queue_job(lambda: self._begin(scenario))
 
     def action_cue(self) -> None:
         self._with_trial(lambda trial: trial.mark_cue())

@@ -87,8 +87,8 @@ def find_expected_inputs(
     return ExpectedInputs(frozenset(acts), frozenset(rules), events)
 
 
-Deed: TypeAlias = Literal["reach", "remark", "change", "start"]
-"""The kinds of requests to the engine. Each deed needs everything that the one before it needs.
+Intent: TypeAlias = Literal["reach", "remark", "change", "start"]
+"""The kinds of requests to the engine. Each intent needs everything that the one before it needs.
 
 reach: any request. remark: a note, a question about control. change: everything that changes the session. start:
 everything that makes the robot or a rule act.

@@ -218,7 +218,7 @@ MISTAKE_MARKS = (
 
 
 def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | None:
-    """This wizard's last deed of any kind, or else the act that a rule started last.
+    """This wizard's last action of any kind, or else the act that a rule started last.
 
     Tasks of other people and programs, rejected tasks and marks do not count. `me` None: any wizard, for the judge of a
     session that is over. Then cues do not count either, because their results are judged.

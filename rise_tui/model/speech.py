@@ -49,7 +49,7 @@ def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | N
 MAX_SEARCHED_TASKS = 2_000
 """Number of tasks that are searched for the latest sentence when a console attaches."""
 UNKNOWN = frozenset({"timed-out", "lost"})
-"""Endings after which the robot's deeds are unknown."""
+"""Endings after which the robot's actions are unknown."""
 
 Kind = Literal["nothing", "sent", "says", "said", "unsaid", "unknown"]
 """`unsaid`: not spoken, or not to its end. `unknown`: the robot has not confirmed how it ended."""

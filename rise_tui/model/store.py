@@ -50,9 +50,9 @@ from rise_tui.model.control import (
     CUE_EVENTS,
     STARTING_FUNCTIONS,
     BlockedReason,
-    Deed,
     ExpectedInputs,
     InputMode,
+    Intent,
     find_expected_inputs,
 )
 from rise_tui.model.cue import CueClock, cue_clock
@@ -272,20 +272,20 @@ class Store:
         silent = monotonic() - self.heard_at
         return silent if silent >= SILENT_SECONDS else 0.0
 
-    def blocked_reason(self, deed: Deed) -> BlockedReason | None:
-        """What blocks this deed from this console now; None: nothing."""
+    def blocked_reason(self, intent: Intent) -> BlockedReason | None:
+        """What blocks this intent from this console now; None: nothing."""
         if self.gone_reason:
             return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
         if self.cut_since is not None:
             return BlockedReason("cut")
-        if deed != "reach" and self.attach_reply.replay:
+        if intent != "reach" and self.attach_reply.replay:
             return BlockedReason("replay")
-        if deed in ("change", "start") and not self.has_control:
+        if intent in ("change", "start") and not self.has_control:
             watches = self.attach_reply.role == "observer"
             return BlockedReason("control", holder=short_name(self.view.control), watches=watches)
-        if deed != "reach" and self.shadow is not None and self.shadow.paused:
+        if intent != "reach" and self.shadow is not None and self.shadow.paused:
             return BlockedReason("paused")
-        return self._start_blocked() if deed == "start" else None
+        return self._start_blocked() if intent == "start" else None
 
     def _start_blocked(self) -> BlockedReason | None:
         if self.silent_seconds:

@@ -1,4 +1,4 @@
-"""The deeds of people and the robot, newest last, optionally with those of rules. Fast with 100,000 rows."""
+"""The actions of people and the robot, newest last, optionally with those of rules. Fast with 100,000 rows."""
 
 from __future__ import annotations
 

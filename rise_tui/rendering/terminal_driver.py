@@ -30,14 +30,14 @@ class TerminalDriver(LinuxDriver):
         self._file: Any = self.terminal_writer  # what `start_application_mode` gives to the writer thread
 
     def start_application_mode(self) -> None:
-        self.terminal_writer.stop_hurrying()
+        self.terminal_writer.stop_ending_quickly()
         forget = getattr(self._app, "forget_terminal", None)
         if forget is not None:  # the terminal may have changed meanwhile
             forget()
         super().start_application_mode()  # type: ignore[no-untyped-call]
 
     def stop_application_mode(self) -> None:
-        self.terminal_writer.hurry()
+        self.terminal_writer.end_quickly()
         super().stop_application_mode()
 
     def write(self, data: str) -> None:
@@ -164,9 +164,9 @@ class TerminalWriter:
     """
 
     PATIENCE = 1.0
-    """Seconds without progress after which a stalled terminal is given up, once `hurry` was called."""
+    """Seconds without progress after which a stalled terminal is given up, once `end_quickly` was called."""
     POLL = 0.1
-    """Seconds between two checks whether `hurry` was called."""
+    """Seconds between two checks whether `end_quickly` was called."""
     MAX_WAITING = 12
     """Maximum number of waiting writes before frames are skipped."""
     MAX_CHARACTERS = 8192
@@ -193,11 +193,11 @@ class TerminalWriter:
             or self._queued_characters - self._done_characters > self.MAX_CHARACTERS
         )
 
-    def hurry(self) -> None:
+    def end_quickly(self) -> None:
         """End the console: wait no longer than PATIENCE for a stalled terminal. Signal handlers may call this."""
         self._hurried = True
 
-    def stop_hurrying(self) -> None:
+    def stop_ending_quickly(self) -> None:
         """Go on after the console was suspended."""
         self._hurried = False
 

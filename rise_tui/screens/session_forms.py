@@ -23,7 +23,7 @@ from rise_tui.widgets.lines import RowList
 CONFIRMING_WORD = "end"
 """The word to type before Enter. No key of a study can end a session by accident."""
 TYPE_WORD = f"Type {CONFIRMING_WORD} and press enter:"
-NOT_THE_WORD = f"that is not the word {CONFIRMING_WORD}: the session goes on"
+WRONG_WORD = f"that is not the word {CONFIRMING_WORD}: the session goes on"
 
 
 class EndSessionDialog(FormDialog[bool]):
@@ -49,7 +49,7 @@ class EndSessionDialog(FormDialog[bool]):
         if event.value.strip().casefold() == CONFIRMING_WORD:
             self.dismiss(True)
         else:
-            self.say(NOT_THE_WORD)
+            self.say(WRONG_WORD)
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
@@ -150,7 +150,7 @@ class OutcomeDialog(FormDialog[Outcome | None]):
         elif event.value.strip().casefold() == CONFIRMING_WORD:
             self._finish()
         else:
-            self.say(NOT_THE_WORD)
+            self.say(WRONG_WORD)
 
     def _problem(self) -> str:
         """The missing part, to which the cursor goes."""

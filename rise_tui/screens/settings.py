@@ -101,13 +101,13 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
         ends = f"Applying ends the session{f' of {of}' if of else ''} and starts a new one"
-        begins = f"for {self._who(chosen)}; its memory begins with the start values"
+        begins = f"for {self._participant_text(chosen)}; its memory begins with the start values"
         condition = self._in_file.conditions.get(chosen.condition)
         begins += "." if condition is None else f", and the condition {clean(condition_sentence(condition))}."
         head = "No changes yet." if not lines else "Not applied yet:"
         self.changes.update("\n".join([head, *lines, f"{ends} {begins}"]))
 
-    def _who(self, chosen: SessionOptions) -> str:
+    def _participant_text(self, chosen: SessionOptions) -> str:
         conditions = self._in_file.conditions
         condition = condition_labels(conditions).get(chosen.condition, "") if chosen.condition else ""
         return clean(" · ".join(filter(None, (chosen.participant, condition))) or "nobody named")

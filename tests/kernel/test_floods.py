@@ -149,8 +149,8 @@ def test_many_events_at_once_are_no_flood(tmp_path: Path) -> None:
 )
 def test_who_goes_on_is_counted_from_one_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
     looks = []
-    find = kernel_rules.find_culprit
-    monkeypatch.setattr(kernel_rules, "find_culprit", lambda *given: looks.append(given) or find(*given))
+    find = kernel_rules.find_runaway_rule
+    monkeypatch.setattr(kernel_rules, "find_runaway_rule", lambda *given: looks.append(given) or find(*given))
     flood = stays("go", *[raises("beat") for _ in range(2 * STEP_LIMIT)])
     s = play(tmp_path, {"flood": flood, "counter": way})
     assert faulted(s) == []

@@ -50,7 +50,7 @@ def test_the_same_studies_every_time(played: tuple[list[str], set[str]]) -> None
         (2, scheduler, "_OUTCOMES", {"SUCCEEDED": "succeeded", "ABORTED": "stopped", "CANCELED": "failed"}),
         (0, act_runner.ActRunner, "_pick_variant", lambda self, run, action: action.calls[0]),
         (315, act_runner.ActRunner, "go_on", lambda self: None),
-        (48, scheduler.Scheduler, "let_go", lambda self: None),
+        (48, scheduler.Scheduler, "resume_waiting", lambda self: None),
     ],
 )
 def test_a_kernel_that_does_something_else_is_found(

@@ -31,19 +31,19 @@ from rise_adapters.ros2.transport.port import (
 OTHER_TYPE, OTHER_VERSION = "other-type", "other-version"
 OTHER_MIDDLEWARE, OTHER_QUALITY = "other-middleware", "other-quality"
 """The first words of a reason (docs/explanation/ros2.md)."""
-SHORT_MISFITS = {
+MISMATCH_WORDS = {
     OTHER_TYPE: "offers other types than its profile names",
     OTHER_VERSION: "has other versions of types; rebuild both",
     OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
     OTHER_QUALITY: "wants another quality of service",
 }
-"""The misfit of a whole robot, short enough for a small screen."""
-MISFIT_KINDS = tuple(SHORT_MISFITS)
+"""The mismatch of a whole robot, short enough for a small screen."""
+MISMATCH_KINDS = tuple(MISMATCH_WORDS)
 
 SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
 
 
-class Misfit(Struct, frozen=True):
+class Mismatch(Struct, frozen=True):
     """A difference of the other side that does not fit."""
 
     kind: str
@@ -61,10 +61,10 @@ class Misfit(Struct, frozen=True):
 class EndpointComparison(Struct):
     """The result for one action of a profile."""
 
-    unusable: list[Misfit] = []
-    """Misfits that forbid sending, or prevent everything sent from arriving."""
-    unheard: list[Misfit] = []
-    """Misfits that prevent some of its messages from arriving here. Sent messages do arrive."""
+    unusable: list[Mismatch] = []
+    """Mismatches that forbid sending, or prevent everything sent from arriving."""
+    unheard: list[Mismatch] = []
+    """Mismatches that prevent some of its messages from arriving here. Sent messages do arrive."""
     seen: list[str] = []
     """The programs that have any part of it, for a person; empty: none."""
     programs: frozenset[bytes] = frozenset()
@@ -76,7 +76,7 @@ class EndpointComparison(Struct):
     that.)"""
 
     @property
-    def misfits(self) -> list[Misfit]:
+    def mismatches(self) -> list[Mismatch]:
         return self.unusable + self.unheard
 
 
@@ -89,7 +89,7 @@ def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
 
 
 def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
-    """Why an action cannot be reached although `compare` found no misfit: a sentence that names `full`."""
+    """Why an action cannot be reached although `compare` found no mismatch: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
     return f"nothing {'listens to' if mapping.kind == 'topic' else 'offers'} {full}"
@@ -105,11 +105,11 @@ def describe_uncompared(full: str) -> str:
     return f"{full} does not say which version of its types it has, so the two sides cannot be compared"
 
 
-def describe_misfits(misfits: Iterable[Misfit]) -> str:
-    """One text for a person about all misfits, each cause once, with its remedy."""
+def describe_mismatches(mismatches: Iterable[Mismatch]) -> str:
+    """One text for a person about all mismatches, each cause once, with its remedy."""
     names: dict[tuple[str, str], list[str]] = {}
-    for misfit in misfits:
-        names.setdefault((misfit.statement, misfit.remedy), []).append(misfit.name)
+    for mismatch in mismatches:
+        names.setdefault((mismatch.statement, mismatch.remedy), []).append(mismatch.name)
     return "; ".join(
         f"{first} {statement}{f' (and so with {_join_names(more)})' if more else ''}; {remedy}"
         for (statement, remedy), (first, *more) in names.items()
@@ -135,29 +135,31 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
             answers = end.type.endswith("_Response")
             seen.add((service, answers))
             wanted_type = f"{type}_{'Response' if answers else 'Request'}"
-            misfit = _middleware_misfit(transport, full, end)
-            misfit = misfit or _type_misfit(transport, mapping, full, end, wanted_type, found)
+            mismatch = _middleware_mismatch(transport, full, end)
+            mismatch = mismatch or _type_mismatch(transport, mapping, full, end, wanted_type, found)
             conflict = qos_conflict(end.qos, QoS()) if answers else qos_conflict(QoS(), end.qos)
-            if misfit is None and conflict is not None:
+            if mismatch is None and conflict is not None:
                 does = (
                     f"answers {conflict.offered}"
                     if answers
                     else f"wants {'goals' if is_action else 'calls'} {conflict.wanted}"
                 )
-                misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no ROS service is", "correct it in the wrapper")
-            if misfit is not None:
-                found.unusable.append(misfit)
+                mismatch = Mismatch(
+                    OTHER_QUALITY, full, f"{does}, which no ROS service is", "correct it in the wrapper"
+                )
+            if mismatch is not None:
+                found.unusable.append(mismatch)
     takes, answers_all = (all((service, answers) in seen for service in services) for answers in (False, True))
     found.complete = takes and (answers_all or not any(answers for _, answers in seen))
     topics = ((FEEDBACK, mapping.feedback_wanted), (STATUS_TOPIC, mapping.status_qos))
     for part, wanted in topics if is_action else ():
         for end in transport.publisher_endpoints(action_topic(full, part)):
-            misfit = _type_misfit(transport, mapping, full, end, types[part], found)
-            if misfit is not None:
-                found.unusable.append(misfit)
+            mismatch = _type_mismatch(transport, mapping, full, end, types[part], found)
+            if mismatch is not None:
+                found.unusable.append(mismatch)
             elif wanted is not None and (conflict := qos_conflict(end.qos, wanted)):
                 statement = f"publishes its {part} {conflict.offered}, and this program wants it {conflict.wanted}"
-                found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict.for_reader))
+                found.unheard.append(_qos_mismatch(full, statement, f"qos.{part}", conflict.for_reader))
     return found
 
 
@@ -169,36 +171,36 @@ def only_looks_on(node: str) -> bool:
 def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
     full = transport.resolve(mapping.name)
     found = EndpointComparison()
-    misfits: list[Misfit] = []
+    mismatches: list[Mismatch] = []
     fits = False
     for end in transport.subscriber_endpoints(full):
         if only_looks_on(end.node):
             continue
         found.seen.append(describe_node(end.node))
-        misfit = _type_misfit(transport, mapping, full, end, mapping.type, found)
-        if misfit is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
+        mismatch = _type_mismatch(transport, mapping, full, end, mapping.type, found)
+        if mismatch is None and (conflict := qos_conflict(mapping.topic_qos, end.qos)):
             statement = f"is wanted {conflict.wanted}{_describe_owner(end)}, and is published here {conflict.offered}"
-            misfit = _qos_misfit(full, statement, "qos", conflict.for_writer)
-        if misfit is None:
+            mismatch = _qos_mismatch(full, statement, "qos", conflict.for_writer)
+        if mismatch is None:
             fits = True
-        elif misfit.kind == OTHER_VERSION:
-            found.unusable.append(misfit)
+        elif mismatch.kind == OTHER_VERSION:
+            found.unusable.append(mismatch)
         else:
-            misfits.append(misfit)
+            mismatches.append(mismatch)
     found.complete = bool(found.seen)
     if not fits:  # otherwise these only listen
-        found.unusable += misfits
+        found.unusable += mismatches
     return found
 
 
-def _middleware_misfit(transport: Transport, full: str, end: RemoteEndpoint) -> Misfit | None:
+def _middleware_mismatch(transport: Transport, full: str, end: RemoteEndpoint) -> Mismatch | None:
     if vendors.services_cross(transport.vendor, end.vendor) != "no":
         return None
     statement = (
         f"is offered{_describe_owner(end)} over {vendors.vendor_name(end.vendor)}, and this program uses "
         f"{vendors.vendor_name(transport.vendor)}: services and actions do not cross from one to the other"
     )
-    return Misfit(OTHER_MIDDLEWARE, full, statement, same_middleware_remedy(transport, end.vendor))
+    return Mismatch(OTHER_MIDDLEWARE, full, statement, same_middleware_remedy(transport, end.vendor))
 
 
 def same_middleware_remedy(transport: Transport, other: str) -> str:
@@ -212,28 +214,28 @@ def same_middleware_remedy(transport: Transport, other: str) -> str:
     return f"{there}, or {here}" if there else here
 
 
-def _type_misfit(
+def _type_mismatch(
     transport: Transport,
     mapping: ActionMapping,
     full: str,
     end: RemoteEndpoint,
     wanted: str,
     found: EndpointComparison,
-) -> Misfit | None:
+) -> Mismatch | None:
     """Compare one end's type with `wanted`, and note missing announcements in `found`. `full`: the mapping's full
     name."""
     verb = "taken" if mapping.kind == "topic" else "offered"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is not a ROS type"
         remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
-        return Misfit(OTHER_TYPE, full, f"is {verb} as {there}, not as {mapping.type}", remedy)
+        return Mismatch(OTHER_TYPE, full, f"is {verb} as {there}, not as {mapping.type}", remedy)
     own = transport.type_hash(wanted)
     if not own or not end.hash:
         found.unannounced = True
     elif end.hash not in (own, transport.type_hash(_service_of(wanted))):  # some announce the service's hash
         what = mapping.type if wanted.startswith(mapping.type) else ros_type(wanted)
         statement = f"is {verb}{_describe_owner(end)} with another version of {what}"
-        return Misfit(OTHER_VERSION, full, statement, SAME_RELEASE)
+        return Mismatch(OTHER_VERSION, full, statement, SAME_RELEASE)
     return None
 
 
@@ -278,9 +280,9 @@ def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
     return _VOLATILE if wanted.latched and not offered.latched else None
 
 
-def _qos_misfit(full: str, statement: str, key: str, setting: str) -> Misfit:
+def _qos_mismatch(full: str, statement: str, key: str, setting: str) -> Mismatch:
     remedy = f"write `{key} = {{ {setting} }}` into the carrier in the robot's profile, or change it in the wrapper"
-    return Misfit(OTHER_QUALITY, full, statement, remedy)
+    return Mismatch(OTHER_QUALITY, full, statement, remedy)
 
 
 # --- words --------------------------------------------------------------------------------------------------------

@@ -74,7 +74,7 @@ def describe_other_versions(transport: Transport, topic: str, type: str) -> list
     ]
 
 
-def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
+def describe_topic_mismatches(transport: Transport, topic: str) -> list[str]:
     """A sentence for each pair of other nodes on a topic that do not hear each other, or would receive garbage."""
     found: dict[str, None] = {}
     for publisher in transport.publisher_endpoints(topic):

@@ -272,7 +272,7 @@ def events_of(chart: Chart) -> list[str]:
     return list(found)
 
 
-def outside_events(chart: Chart) -> set[str]:
+def external_events(chart: Chart) -> set[str]:
     """Return the events that may come from outside: those in transitions, and others that the user named."""
     named = (name for transition in all_transitions(chart.root) for name in transition.events or ())
     return {name for name in named if name != "*" and not name.startswith(_PLATFORM)} | set(chart.outside)

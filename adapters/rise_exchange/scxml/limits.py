@@ -149,7 +149,7 @@ class RuleAnalysis:
         return frozenset(found)
 
     @cached_property
-    def goes_round(self) -> bool:
+    def has_loop(self) -> bool:
         """Whether its states have a circle of transitions that wait only for conditions and its own events."""
         targets_of = {
             state.id: {
@@ -279,7 +279,7 @@ def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
             if function.name == "stopInteractionRule" and function.argument == rule.name:
                 message = f"`{name}`, which it starts, stops it; the functions after that start are then left out"
                 yield Loss("stopped", message, rule.location)
-    if analysis.goes_round:
+    if analysis.has_loop:
         message = (
             "its states can go round without waiting; a session stops that after 1,000 steps, a document never ends"
         )

@@ -181,7 +181,7 @@ def is_made_file(text: str) -> bool:
     return re.match(rf"<!--\s*{MADE_FROM}", text) is not None
 
 
-def outside_events(made: MadeRules) -> list[str]:
+def external_events(made: MadeRules) -> list[str]:
     """Return the events that the rules wait for and that neither they nor their acts raise or send."""
     own = {*made.raised, *(helper.place.event for helper in made.helpers)}
     ends = tuple(f"{act}_" for act in called_acts(made))
@@ -213,7 +213,7 @@ def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
     """
     lines = [f"title = {toml_value(title)}", 'robot = "generic"', "", "[keys]"]
     lines.append(f"b = {{ rule = {toml_value(made.name)}, label = {toml_value('begin')} }}")
-    for key, event in zip(_KEYS, outside_events(made), strict=False):
+    for key, event in zip(_KEYS, external_events(made), strict=False):
         lines.append(f"{toml_key(key)} = {{ event = {toml_value('/' + event)}, label = {toml_value(event)} }}")
     return {
         "scenario.toml": "\n".join([*lines, ""]),

@@ -27,8 +27,8 @@ from rise_exchange.scxml.flattening import (
     FlatState,
     FlatTransition,
     all_transitions,
+    external_events,
     flatten,
-    outside_events,
 )
 from rise_exchange.scxml.interpretation import matches
 from rise_exchange.scxml.reading import read_chart
@@ -184,7 +184,7 @@ class _RuleMaker:
 
     def follow_all(self) -> None:
         """Determine the knowledge everywhere, with all possible events."""
-        self.seen = outside_events(self.chart)
+        self.seen = external_events(self.chart)
         before = (-1, -1)
         while before != (now := (len(self.translator.raised), len(self.translator.raised_inside))):
             before = now

@@ -208,7 +208,7 @@ def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
     return None
 
 
-def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
+def find_event_source(scenario: Scenario, topic: str) -> str | None:
     """Find the act or rule whose end raises this event; None: a failure or a stop, for which nothing is started."""
     found = parse_engine_event(scenario, topic)
     if found is not None:

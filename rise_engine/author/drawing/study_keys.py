@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from rise_engine.author.drawing.rule_text import events_raised_by, find_what_to_start, is_met
+from rise_engine.author.drawing.rule_text import events_raised_by, find_event_source, is_met
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression, LanguageError
 from rise_engine.scenario.model import KeyBinding, Scenario, Transition, normal_topic
@@ -99,7 +99,7 @@ class StudyKeys:
         for key in self.keys_raising(transition.event):
             if key.function != RULE or key.behavior not in running:
                 yield key
-        name = find_what_to_start(self.scenario, transition.event)
+        name = find_event_source(self.scenario, transition.event)
         if name is not None and name not in running:
             for function in (ACT, RULE):
                 if (starter := self.key_of(function, name)) is not None:
@@ -155,7 +155,7 @@ class StudyKeys:
         if transition.event is not None:
             raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
-            name = find_what_to_start(self.scenario, transition.event)
+            name = find_event_source(self.scenario, transition.event)
             starter = self.key_of(ACT, name) if name is not None else None
             if starter is not None and starter.behavior not in started:
                 yield starter

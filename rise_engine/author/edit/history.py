@@ -75,13 +75,13 @@ class History:
         """Return the names of all files that any step changes."""
         return {name for steps in (self.done, self.undone, self.saved) for step in steps for name in step.files}
 
-    def lay_under(self, outside: Mapping[str, bytes | None]) -> None:
+    def lay_under(self, on_disk: Mapping[str, bytes | None]) -> None:
         """Take over files that changed outside and that no step changes."""
         known: dict[int, Step] = {}
 
-        def with_outside(files: Files) -> Files:
-            merged = {**files, **{name: data for name, data in outside.items() if data is not None}}
-            for name, data in outside.items():
+        def with_disk_changes(files: Files) -> Files:
+            merged = {**files, **{name: data for name, data in on_disk.items() if data is not None}}
+            for name, data in on_disk.items():
                 if data is None:
                     merged.pop(name, None)
             return merged
@@ -89,7 +89,9 @@ class History:
         for steps in (self.done, self.undone, self.saved):
             for index, step in enumerate(steps):
                 if id(step) not in known:
-                    known[id(step)] = replace(step, before=with_outside(step.before), after=with_outside(step.after))
+                    known[id(step)] = replace(
+                        step, before=with_disk_changes(step.before), after=with_disk_changes(step.after)
+                    )
                 steps[index] = known[id(step)]
 
     def begin_anew(self, steps: list[Step]) -> None:
@@ -112,7 +114,7 @@ class Change(Struct, frozen=True):
     noticed: tuple[str, ...] = ()
 
 
-class OutsideChange(Struct, frozen=True):
+class DiskChange(Struct, frozen=True):
     """A change of the files outside of this editor."""
 
     files: tuple[str, ...]

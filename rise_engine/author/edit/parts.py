@@ -213,7 +213,7 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
     attribute = "name"
     if part.template:
         attribute = part.name_parameter
-        if not attribute or _stand_here(kind, part, study) > 1:
+        if not attribute or _count_same_place(kind, part, study) > 1:
             raise EditRefused(
                 f"`{old}` cannot be copied: {part.reason}, and its name is not a parameter of its own there"
             )
@@ -226,7 +226,7 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
     return Plan((gap_behind(node, blank_line=True).put(written),), says=says)
 
 
-def _stand_here(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
+def _count_same_place(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
     """Count the acts or rules with the same place: a template can make several."""
     parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind is _ACTS else study.outline.rules
     return sum(each.node is part.node for each in parts)
@@ -244,7 +244,7 @@ def plan_remove_rule(edit: RemoveRule, study: StudyState) -> Plan:
 
 def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
     part = _part(kind, name, study)
-    if part.template and _stand_here(kind, part, study) > 1:
+    if part.template and _count_same_place(kind, part, study) > 1:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
     says = (f"the {kind.word} {name} is removed",)
     node = part.node

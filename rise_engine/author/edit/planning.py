@@ -46,10 +46,12 @@ def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
         data = _BOM + data
     if data == old:
         return Plan()
-    return Plan(written={file: data}, says=(f"{file} is made" if old is None else _what_differs(file, old, edit.text),))
+    return Plan(
+        written={file: data}, says=(f"{file} is made" if old is None else _difference_text(file, old, edit.text),)
+    )
 
 
-def _what_differs(file: str, old: bytes, new: str) -> str:
+def _difference_text(file: str, old: bytes, new: str) -> str:
     """Describe the difference; for a single line, with its new and old text."""
     before, after = (text.removeprefix("\ufeff").splitlines() for text in (old.decode(errors="replace"), new))
     changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]

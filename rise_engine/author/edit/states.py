@@ -198,7 +198,7 @@ class _EditedTransition:
         self.written = written
         self.node = written.node
         others = [name for name in written.shared_by if name != state.id]
-        self.whose = state.id + (f" (and {', '.join(others)})" if others else "")
+        self.states_text = state.id + (f" (and {', '.join(others)})" if others else "")
 
 
 def plan_add(edit: AddTransition, study: StudyState) -> Plan:
@@ -230,7 +230,7 @@ def plan_set(edit: SetTransition, study: StudyState) -> Plan:
     old = {name: (value or "").strip() for name, value in transition_attributes_of(transition.node).items()}
     changed = {name: value for name, value in values.items() if (value or "").strip() != old[name]}
     splices = set_attributes(transition.node, changed, _TRANSITION_ORDER)
-    says = f"{transition.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
+    says = f"{transition.states_text}: {transition_words(edit.transition)} (was: {transition_words(now)})"
     return Plan(tuple(splices), says=(says,))
 
 
@@ -247,7 +247,7 @@ def transition_attributes_of(node: Element) -> dict[str, str]:
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
     """Plan the removal of a transition with its functions; the last shared one removes their element, too."""
     transition = _found(edit, study)
-    says = (f"{transition.whose} loses the transition: {transition_words(transition.written.form)}",)
+    says = (f"{transition.states_text} loses the transition: {transition_words(transition.written.form)}",)
     parent = transition.node.parent
     if parent is not None and parent.tag == "transitions" and len(parent) == 1 and collapse(parent) is not None:
         return Plan((removal(parent),), says=says)
@@ -274,9 +274,7 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
             if before is not None and behind is not None and before.node is behind.node:
                 break
             splices = move_siblings(transition.node, transition.node, node, node, behind=not is_behind)
-            says = (
-                f"{transition.whose}: the transition {transition_words(transition.written.form)} is number {to + 1} now"
-            )
+            says = f"{transition.states_text}: the transition {transition_words(transition.written.form)} is number {to + 1} now"
             return Plan(splices, says=(says,))
     raise EditRefused("a transition cannot move past this place: a state tries its own transitions before shared ones")
 

@@ -225,14 +225,14 @@ def finish_interrupted(folder: Path) -> tuple[str, ...]:
             note = read_note(folder)
             if note is not None:
                 finished = _carry_out(folder, note, lambda step: None)
-        for litter in _litter(folder):
+        for litter in _unfinished_files(folder):
             litter.unlink(missing_ok=True)
     except OSError as error:
         raise EditRefused(f"{error.filename or folder}: {error.strerror or error}") from None
     return finished
 
 
-def _litter(folder: Path) -> Iterator[Path]:
+def _unfinished_files(folder: Path) -> Iterator[Path]:
     """Yield new contents that were not renamed: in the folder, and at the targets of its links."""
     for path in [*folder.rglob("*")]:
         if path.name.startswith(".") and path.name.endswith(FRESH):

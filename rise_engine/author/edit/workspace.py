@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from rise_engine.author.edit.drafts import Draft, DraftFile, EditorLock, hashes
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.history import Change as Change
+from rise_engine.author.edit.history import DiskChange as DiskChange
 from rise_engine.author.edit.history import History, Step, changed_names
-from rise_engine.author.edit.history import OutsideChange as OutsideChange
 from rise_engine.author.edit.history import Refusal as Refusal
 from rise_engine.author.edit.history import SaveReport as SaveReport
 from rise_engine.author.edit.history import diff_of as diff_of
@@ -52,7 +52,7 @@ class Workspace:
     >>> with TemporaryDirectory() as folder:
     ...     study = Workspace(Path(folder))
     ...     _ = Path(folder, "memory.json").write_text('{"score": 0}')
-    ...     _ = study.notice_outside()
+    ...     _ = study.read_disk_changes()
     ...     print(*study.apply(SetStartValue("score", 5)).says)
     ...     print(study.save().files)
     ...     study.close()
@@ -214,10 +214,10 @@ class Workspace:
 
     # --- changes from outside -------------------------------------------------------------------------------------
 
-    def notice_outside(self, *, settled: bool = False) -> OutsideChange | None:
+    def read_disk_changes(self, *, settled: bool = False) -> DiskChange | None:
         """Read the files that have changed on the disk. None: there are none.
 
-        A file with unsaved changes keeps its content from here. It is listed in `clash`; `take_outside` takes the
+        A file with unsaved changes keeps its content from here. It is listed in `clash`; `take_disk_changes` takes the
         content of the disk.
 
         :param settled: leave changes to the next call while another program is writing. Takes SETTLE_SECONDS then.
@@ -232,25 +232,25 @@ class Workspace:
                 return None
         if above != self.above:
             self.above, self._state = above, None
-        outside = changed_names(self.saved, now)
-        if not outside:
+        changed = changed_names(self.saved, now)
+        if not changed:
             return None
         own = changed_names(self.saved, self.files)
         files = _with_files(now, own, self.files)
-        forgotten = bool(outside & self._history.touched())
+        forgotten = bool(changed & self._history.touched())
         if forgotten:  # an undo would restore files from before the outside change
             changes = self.changes
             says = tuple(sentence for change in changes for sentence in change.says)
             edits = tuple(edit for change in changes for edit in change.edits)
             self._history.begin_anew([Step(Change(edits, says), now, files)] if own else [])
         else:
-            self._history.lay_under({name: now.get(name) for name in outside})
+            self._history.lay_under({name: now.get(name) for name in changed})
         self.files, self.saved = files, now
         self._keep_draft()
-        clash = tuple(sorted(name for name in outside & own if files.get(name) != now.get(name)))
-        return OutsideChange(tuple(sorted(outside)), clash, forgotten)
+        clash = tuple(sorted(name for name in changed & own if files.get(name) != now.get(name)))
+        return DiskChange(tuple(sorted(changed)), clash, forgotten)
 
-    def take_outside(self, names: Collection[str]) -> Change:
+    def take_disk_changes(self, names: Collection[str]) -> Change:
         """Take files from the disk as a step, so that undo restores the own changes."""
         change = Change((), tuple(f"{name} is as it is on the disk" for name in sorted(names)))
         self._add_step(change, _with_files(self.files, names, self.saved))
@@ -270,7 +270,7 @@ class Workspace:
         """Write all changed files or none.
 
         :raises EditRefused: there is an error, the disk cannot be written, or files have changed outside (call
-            `notice_outside` first).
+            `read_disk_changes` first).
         """
         if not changed_names(self.saved, self.files):
             return SaveReport(())
@@ -308,7 +308,7 @@ class Workspace:
         """
         return None if self._lock.holder else self._draft.read()
 
-    def take_up_draft(self, draft: Draft) -> OutsideChange:
+    def take_up_draft(self, draft: Draft) -> DiskChange:
         """Take the files of a draft as one step. A file that has since changed on the disk is in `clash`."""
         base = hashes(self.saved)
         changed = {name for name in base.keys() | draft.base.keys() if base.get(name) != draft.base.get(name)}
@@ -318,7 +318,7 @@ class Workspace:
         if changed_names(self.files, wanted):
             self._add_step(Change((), draft.says), wanted)
         self._keep_draft()
-        return OutsideChange(tuple(sorted(changed)), clash)
+        return DiskChange(tuple(sorted(changed)), clash)
 
     def discard_draft(self) -> None:
         """Delete the unsaved work of an earlier editor."""

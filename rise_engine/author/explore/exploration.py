@@ -289,10 +289,10 @@ def _scope_sentences(explored: Explored) -> Sequence[str]:
                 + ", ".join(f"{name} ({first})" for name, first in merged.items())
                 + "."
             )
-    if stepper.moves.outside:
+    if stepper.moves.external:
         sentences.append(
             "These events can come from outside at any moment: "
-            + ", ".join(f"/{topic}" for topic in stepper.moves.outside)
+            + ", ".join(f"/{topic}" for topic in stepper.moves.external)
             + "."
         )
     return sentences

@@ -121,7 +121,7 @@ class Moves:
         }
         """The keys that are pressed."""
         raised = {normal_topic(key.behavior) for key in self.keys.values() if key.function == "raiseEventTopic"}
-        self.outside = sorted(topics_from_outside(scenario) - raised)
+        self.external = sorted(external_topics(scenario) - raised)
         """Events that only other programs can raise."""
         self._always = [
             *(
@@ -133,7 +133,7 @@ class Moves:
                 )
                 for name, key in self.keys.items()
             ),
-            *(Possibility(Move("event", topic), _submit("raiseEventTopic", topic)) for topic in self.outside),
+            *(Possibility(Move("event", topic), _submit("raiseEventTopic", topic)) for topic in self.external),
             *(
                 Possibility(Move("try", key, index), _submit("assignValue", json.dumps({key: value})))
                 for key, values in bounds.tries.items()
@@ -265,7 +265,7 @@ def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, st
     return alike
 
 
-def topics_from_outside(scenario: Scenario) -> set[str]:
+def external_topics(scenario: Scenario) -> set[str]:
     """Return the events that rules wait for and that neither the engine nor a rule raises."""
     inside = {f"{act}_{how}" for act in scenario.acts for how in ("end", "succeeded", "failed", "stopped")}
     inside |= {f"say_{how}" for how in ("end", "succeeded", "failed", "stopped")}

@@ -169,7 +169,7 @@ class _Play:
             return False
         fails = move.kind == "end" and move.how in ("failed", "aborted") and not before.situation.robot_lost
         if fails and step not in self.needs.slips:
-            slip = self._slip(before.running[each.task][0], move.how == "aborted")
+            slip = self._find_fault(before.running[each.task][0], move.how == "aborted")
             if slip and slip not in self.needs.slips.values():
                 self.wanted = replace(self.needs, slips={**self.needs.slips, step: slip})
             return False
@@ -211,7 +211,7 @@ class _Play:
         self.wanted = replace(self.needs, losses=(*losses[: self._losses - 1], (*known, at)))
         return False
 
-    def _slip(self, act: str, is_aborted: bool) -> str:
+    def _find_fault(self, act: str, is_aborted: bool) -> str:
         """Find a fault that makes a running act fail: its first action whose failure matters; empty: none."""
         counts: dict[str, int] = {}
         runs = self._engine.kernel.scheduler.runner.runs

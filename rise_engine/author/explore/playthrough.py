@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct
 
-from rise_engine.author.explore.moves import topics_from_outside
+from rise_engine.author.explore.moves import external_topics
 from rise_engine.author.trial.trial import SOURCE, Trial
 from rise_engine.author.trial.trial_state import key_choices, running_rules
 from rise_engine.kernel.inputs import SessionStarted, Submit
@@ -20,7 +20,7 @@ from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation
 
 MAX_SESSIONS = 12
 """Maximum number of plays from the start; each has another seed and takes the transitions least taken so far."""
-IN_VAIN = 3
+MAX_UNPRODUCTIVE = 3
 """Number of consecutive sessions without a new act after which it stops."""
 MAX_STEPS = 300
 """Maximum number of steps in a session: actions of a person, and waits for an event."""
@@ -71,7 +71,7 @@ def play_through(
         player.play(seed)
         in_vain = 0 if len(player.acts) > known else in_vain + 1
         is_complete = go_on()
-        if not is_complete or in_vain >= IN_VAIN:
+        if not is_complete or in_vain >= MAX_UNPRODUCTIVE:
             break
     return PlayedThrough(frozenset(player.acts), tuple(player.failures.values()), player.ended, is_complete)
 
@@ -82,7 +82,7 @@ class _Player:
         self._started = started
         self._end = end
         self._go_on = go_on
-        self._outside = set(topics_from_outside(scenario))
+        self._outside = set(external_topics(scenario))
         self._done: Counter[tuple[object, ...]] = Counter()
         """How often each action was taken in each combination of states."""
         self._pressed: set[str] = set()

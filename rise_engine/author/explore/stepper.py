@@ -10,7 +10,7 @@ from rise_engine.author.explore.act_traits import MAX_SCRIPTS, traits_of
 from rise_engine.author.explore.influence import keys_that_matter
 from rise_engine.author.explore.moves import BY_PERSON, MISHAPS, Bounds, Move, Moves, Possibility
 from rise_engine.author.explore.situation import PERSON, ActTask, Situation, SituationKernel
-from rise_engine.author.explore.zones import NO_CLOCKS, Zone, carry, let_pass, narrow
+from rise_engine.author.explore.zones import NO_CLOCKS, Zone, carry, elapse, narrow
 from rise_engine.expression import Expression
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import (
@@ -242,7 +242,7 @@ class Stepper:
             return NO_CLOCKS
         if possibility.clock == 0 and clocks == [*range(1, first + had + 1)]:
             return when  # nothing has begun or ended: it can come at any of these times
-        return let_pass(carry(when, clocks), self.moves.limits(situation))
+        return elapse(carry(when, clocks), self.moves.limits(situation))
 
     def _facts(self, records: list[AnyRecord]) -> tuple[int, list[Fact]]:
         """Return the rules that moved, and the facts."""

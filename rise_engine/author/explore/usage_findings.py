@@ -284,11 +284,13 @@ def _within(explored: Explored) -> str:
     """Return the qualification of a "never"."""
     faults = explored.space.stepper.bounds.faults
     wrong = (
-        "when nothing goes wrong" if not faults else f"when at most {pluralize(faults, 'thing')} {_goes(faults)} wrong"
+        "when nothing goes wrong"
+        if not faults
+        else f"when at most {pluralize(faults, 'thing')} {_verb_form(faults)} wrong"
     )
     looked = "" if not explored.has_bounds else ", as far as the study was explored"
     return f" ({wrong}{looked})"
 
 
-def _goes(count: int) -> str:
+def _verb_form(count: int) -> str:
     return "goes" if count == 1 else "go"

@@ -40,7 +40,7 @@ def carry(zone: Zone, clocks: Sequence[int | None]) -> Zone:
     return tuple([tuple([row[j] for j in sources]) for row in rows])
 
 
-def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
+def elapse(zone: Zone, limits: Sequence[int]) -> Zone:
     """Let time pass until a clock reaches its limit."""
     from_zero = zone[0]
     passed = [from_zero]

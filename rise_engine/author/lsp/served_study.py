@@ -140,7 +140,7 @@ class ServedStudy:
         self.held[self.name_of(path)] = text.encode(errors="replace")
         self._checked = None
 
-    def let_go(self, path: Path) -> None:
+    def release_file(self, path: Path) -> None:
         """Release a closed file: the content on the disk counts again."""
         self.held.pop(self.name_of(path), None)
         self._checked = None
@@ -199,7 +199,7 @@ class ServedStudy:
         """Return the diagnostics that overlap or touch a range of a file."""
         source = self.source(name)
         found = [each for each in self.checked.diagnostics if each.location.file == name and source is not None]
-        return [each for each in found if source is not None and _touches(source, each, start, end)]
+        return [each for each in found if source is not None and _overlaps(source, each, start, end)]
 
     def rename(self, use: Use, new: str) -> Plan:
         """Plan another name everywhere. Raises EditRefused."""
@@ -237,7 +237,7 @@ def place_of(positions: TextPositions, source: SourceFile, location: SourceLocat
     return positions.place(source.offset(location.line, location.column))
 
 
-def _touches(source: SourceFile, found: Diagnostic, start: int, end: int) -> bool:
+def _overlaps(source: SourceFile, found: Diagnostic, start: int, end: int) -> bool:
     first = source.offset(found.location.line, found.location.column)
     last = first if found.end is UNSET else source.offset(found.end.line, found.end.column)
     return first <= end and start <= last

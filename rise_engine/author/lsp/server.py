@@ -59,10 +59,10 @@ def _follow_documents(server: StudyServer) -> None:
             server.publish(study)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
-    def let_go(params: lsp.DidCloseTextDocumentParams) -> None:
+    def release_file(params: lsp.DidCloseTextDocumentParams) -> None:
         if (found := server.study_of(params.text_document.uri)) is not None:
             study, name = found
-            study.let_go(study.folder / name)
+            study.release_file(study.folder / name)
             server.publish(study)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)

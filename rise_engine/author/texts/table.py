@@ -30,7 +30,7 @@ FIXED_COLUMNS = ("id", "act", "no.", "when", "with", "text", "note", "seconds", 
 """All columns except those of the languages, which follow `text`."""
 NOTHING = "-"
 """In `check`: there was no translation."""
-Only: TypeAlias = Literal["missing", "stale"]
+EntryFilter: TypeAlias = Literal["missing", "stale"]
 
 
 class TextRow(Struct, frozen=True):
@@ -84,7 +84,7 @@ class TextTable(Struct, frozen=True):
         return [*FIXED_COLUMNS[:6], *self.languages, *FIXED_COLUMNS[6:]]
 
 
-def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | None = None) -> TextTable:
+def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: EntryFilter | None = None) -> TextTable:
     """Make the table of a scenario's texts.
 
     :param loaded: the scenario, loaded in no language and without errors.

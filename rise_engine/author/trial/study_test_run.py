@@ -49,7 +49,7 @@ def text_of_test(trial: Trial, title: str) -> str:
     for step in trial.steps:
         played.do(step)
         lines.append(written_line(_step_line(step)))
-        if expected := _what_came(played):
+        if expected := _step_expectation(played):
             lines.append(written_line({"expect": expected}))
     return "\n".join(lines) + "\n"
 
@@ -69,7 +69,7 @@ def _task_line(task: Submit) -> dict[str, Any]:
     return line
 
 
-def _what_came(trial: Trial) -> dict[str, Any]:
+def _step_expectation(trial: Trial) -> dict[str, Any]:
     """Return the changes of the last step as an expectation."""
     records = trial.records_of(-1)
     if refusal(trial):
@@ -145,7 +145,7 @@ def _do(trial: Trial, line: StudyTestLine, expects_refusal: bool) -> Iterator[st
         if trial.next_at is not None:
             trial.go_on()
     elif line.wait:
-        trial.let_pass(line.wait)
+        trial.pass_time(line.wait)
     elif line.at is not None and line.at < trial.now:
         yield f"`at` is {line.at:g} s, and {trial.now:g} s have passed already"
         return

@@ -199,7 +199,7 @@ class Trial:
             return None
         return self._do(TrialStep("go_on", self.now))
 
-    def let_pass(self, seconds: float) -> TrialStep:
+    def pass_time(self, seconds: float) -> TrialStep:
         """Let this many seconds pass."""
         return self._do(TrialStep("wait", round(self.now + seconds, 6), seconds=seconds))
 
@@ -254,7 +254,7 @@ class Trial:
         while (due := self.clock.next_at) is not None and due <= until:
             self.clock.advance()
             self._handled_until = self.now
-            if guard.goes_round(self.now):
+            if guard.is_looping(self.now):
                 self.problem = guard.text
                 return
         self.clock.pass_until(until)
@@ -277,7 +277,7 @@ class Trial:
                 return
             self.clock.advance()
             self._handled_until = self.now
-            if guard.goes_round(self.now):
+            if guard.is_looping(self.now):
                 self.problem = guard.text
                 return
 
@@ -290,7 +290,7 @@ class _CircleGuard:
         self._moment, self._inputs = -1.0, 0
         self.text = ""
 
-    def goes_round(self, now: float) -> bool:
+    def is_looping(self, now: float) -> bool:
         if now > self._moment + PRESS_AFTER:
             self._moment, self._inputs = now, self._engine.inputs
         if self._engine.inputs - self._inputs > LIVELOCK:

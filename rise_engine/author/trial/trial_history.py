@@ -31,16 +31,16 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.task_view import ACT_FUNCTIONS
 from rise_engine.scenario.speech.ssml import plain_words
 
-HappenedKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
+HistoryKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
 _WELL = ("succeeded", "accepted")
 
 
-class HappenedLine(Struct, frozen=True):
+class HistoryLine(Struct, frozen=True):
     """One line of the history: a sentence without a full stop."""
 
     t: float
     """Session time in seconds."""
-    kind: HappenedKind
+    kind: HistoryKind
     """`done`: a person requested it. `problem`: the author will want to know it."""
     text: str
     key: str = ""
@@ -49,12 +49,12 @@ class HappenedLine(Struct, frozen=True):
     """The affected rule."""
 
 
-def happened(trial: Trial, first: int = 0) -> list[HappenedLine]:
+def history_lines(trial: Trial, first: int = 0) -> list[HistoryLine]:
     """Return the lines of all steps from index `first` on."""
-    return [line for number in range(first, len(trial.steps)) for line in happened_in(trial, number)]
+    return [line for number in range(first, len(trial.steps)) for line in step_lines(trial, number)]
 
 
-def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
+def step_lines(trial: Trial, number: int) -> list[HistoryLine]:
     """Return the lines of one step, by its index in `Trial.steps`; -1: of the last one."""
     if not trial.steps:
         return []
@@ -63,12 +63,12 @@ def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
     if step.task is None:
         return lines
     if not lines:
-        lines = [HappenedLine(step.at, "done", f"{step.task.function} {step.task.behavior}".strip())]
+        lines = [HistoryLine(step.at, "done", f"{step.task.function} {step.task.behavior}".strip())]
     first = lines[0]
-    return [HappenedLine(first.t, first.kind, first.text, step.key, first.rule), *lines[1:]]
+    return [HistoryLine(first.t, first.kind, first.text, step.key, first.rule), *lines[1:]]
 
 
-def lines_of(records: Iterable[AnyRecord]) -> Iterator[HappenedLine]:
+def lines_of(records: Iterable[AnyRecord]) -> Iterator[HistoryLine]:
     """Yield a line for each record with news; values that are set together share one."""
     waiting: list[MemoryRecord] = []
     for record in records:
@@ -91,13 +91,13 @@ def _goes_with(record: AnyRecord, before: MemoryRecord) -> bool:
     return isinstance(record, MemoryRecord) and (record.source, record.t) == (before.source, before.t)
 
 
-def _memory_line(records: list[MemoryRecord]) -> HappenedLine:
+def _memory_line(records: list[MemoryRecord]) -> HistoryLine:
     first = records[0]
     text = " · ".join(words_of(record).sentence for record in records)
-    return HappenedLine(first.t, "memory", text, rule=first.source.removeprefix("rule:"))
+    return HistoryLine(first.t, "memory", text, rule=first.source.removeprefix("rule:"))
 
 
-def _line(record: AnyRecord) -> HappenedLine | None:
+def _line(record: AnyRecord) -> HistoryLine | None:
     sentence = words_of(record).sentence
     match record:
         case TaskRecord():
@@ -107,29 +107,27 @@ def _line(record: AnyRecord) -> HappenedLine | None:
         case RuleRecord(status="started"):
             return None  # the line about its first state follows
         case RuleRecord():
-            kind: HappenedKind = "problem" if record.status == "faulted" else "state"
-            return HappenedLine(record.t, kind, sentence, rule=record.name)
+            kind: HistoryKind = "problem" if record.status == "faulted" else "state"
+            return HistoryLine(record.t, kind, sentence, rule=record.name)
         case EventRecord() if record.taken_by and record.topic.startswith("ended "):
             return None  # the rule's own act: the next state's line shows it
         case EventRecord():
             by = f"rule {rule} raises " if (rule := _rule_of(record.source)) else ""
-            return HappenedLine(record.t, "event", f"{by}{sentence}", rule=record.taken_by or rule)
+            return HistoryLine(record.t, "event", f"{by}{sentence}", rule=record.taken_by or rule)
         case ConditionRecord():
-            return HappenedLine(record.t, "problem" if record.error else "condition", sentence, rule=record.rule)
+            return HistoryLine(record.t, "problem" if record.error else "condition", sentence, rule=record.rule)
         case CountdownRecord():
-            return HappenedLine(
-                record.t, "problem" if record.status == "failed" else "note", sentence, rule=record.rule
-            )
+            return HistoryLine(record.t, "problem" if record.status == "failed" else "note", sentence, rule=record.rule)
         case KeptRecord():
-            return HappenedLine(record.t, "event", sentence, rule=record.rule or "")
+            return HistoryLine(record.t, "event", sentence, rule=record.rule or "")
         case CueRecord():
-            return HappenedLine(record.t, "note", sentence)
+            return HistoryLine(record.t, "note", sentence)
         case FailureRecord():
-            return HappenedLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", sentence)
+            return HistoryLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", sentence)
         case StopRecord():
-            return HappenedLine(record.t, "note", words_of(record).full_sentence)
+            return HistoryLine(record.t, "note", words_of(record).full_sentence)
         case NoteRecord():
-            return HappenedLine(record.t, "problem", sentence)
+            return HistoryLine(record.t, "problem", sentence)
         case _:
             return None
 
@@ -139,43 +137,43 @@ def _rule_of(source: str) -> str:
     return source.removeprefix("rule:") if source.startswith("rule:") else ""
 
 
-def _task_line(record: TaskRecord) -> HappenedLine | None:
+def _task_line(record: TaskRecord) -> HistoryLine | None:
     what = describe_behavior(record.function, record.behavior)
     rule = _rule_of(record.source)
     if record.status in ("REJECTED", "ABORTED") and record.reason:
-        return HappenedLine(record.t, "problem", words_of(record).full_sentence, rule=rule)
+        return HistoryLine(record.t, "problem", words_of(record).full_sentence, rule=rule)
     if record.function in ACT_FUNCTIONS:
         return _act_line(record, what, rule)
     if record.function == "startInteractionRule":
         if record.status != "PENDING":
             return None  # its RuleRecords show it
-        return HappenedLine(record.t, "done", f"starts rule {what}", rule=started_rule(record.behavior))
+        return HistoryLine(record.t, "done", f"starts rule {what}", rule=started_rule(record.behavior))
     if record.status not in FINAL or record.function in ("raiseEventTopic", "assignValue"):
         return None  # the record of the event or of the value shows more
     words = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops rule", "deleteValue": "deletes"}
-    return HappenedLine(record.t, "done", f"{words.get(record.function, record.function)} {what}".strip(), rule=rule)
+    return HistoryLine(record.t, "done", f"{words.get(record.function, record.function)} {what}".strip(), rule=rule)
 
 
-def _act_line(record: TaskRecord, what: str, rule: str) -> HappenedLine | None:
+def _act_line(record: TaskRecord, what: str, rule: str) -> HistoryLine | None:
     match record.status:
         case "ACTIVE":
-            return HappenedLine(record.t, "act", f"starts {what}", rule=rule)
+            return HistoryLine(record.t, "act", f"starts {what}", rule=rule)
         case "PENDING":
-            return HappenedLine(record.t, "act", f"{what} waits its turn", rule=rule) if record.position else None
+            return HistoryLine(record.t, "act", f"{what} waits its turn", rule=rule) if record.position else None
         case "SUCCEEDED":
-            return HappenedLine(record.t, "act", f"{what} has ended", rule=rule)
+            return HistoryLine(record.t, "act", f"{what} has ended", rule=rule)
         case _:
-            return HappenedLine(record.t, "problem", words_of(record).sentence, rule=rule)
+            return HistoryLine(record.t, "problem", words_of(record).sentence, rule=rule)
 
 
-def _action_line(record: ActionRecord) -> HappenedLine | None:
+def _action_line(record: ActionRecord) -> HistoryLine | None:
     if record.status in ENDINGS and record.status not in _WELL:
         words = words_of(record)
-        return HappenedLine(record.t, "problem", f"{words.kind} {words.text}")
+        return HistoryLine(record.t, "problem", f"{words.kind} {words.text}")
     if record.status != "started":
         return None
     message = words_of_action(record.parameters)
-    return HappenedLine(record.t, "says", f"says “{message}”") if message else None
+    return HistoryLine(record.t, "says", f"says “{message}”") if message else None
 
 
 def words_of_action(parameters: dict[str, Any]) -> str:

@@ -34,7 +34,7 @@ from rise_engine.results.export.writing import export_context, export_sessions, 
 from rise_engine.session.folder import find_session
 from rise_engine.study.labels import copied_sessions
 from rise_engine.study.model import StudyStanding
-from rise_engine.study.sessions import MOVED_AWAY, StudySession
+from rise_engine.study.sessions import NOT_IN_SESSIONS, StudySession
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import read_log_and_damage
 from rise_engine.study.study_toml import STUDY_FILE, is_study
@@ -225,7 +225,7 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     for session in state.sessions:
         why = _why_omitted(session)
         if session.info is None:
-            missing, unread = f"it {session.missing}", session.missing != MOVED_AWAY
+            missing, unread = f"it {session.missing}", session.missing != NOT_IN_SESSIONS
             selection.omitted.append(OmittedSession(session.name, missing.partition(":")[0], missing, unread))
         elif why and not all:
             omitted[why] += 1

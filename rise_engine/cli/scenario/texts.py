@@ -10,7 +10,7 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.author.texts.importing import TextImport, import_table, summary
 from rise_engine.author.texts.table import (
-    Only,
+    EntryFilter,
     ReadTable,
     TextTable,
     make_table,
@@ -76,7 +76,7 @@ def texts() -> None:
     "--only", type=click.Choice(["missing", "stale"]), help="Export only texts with a missing or stale translation."
 )
 @refusing(USAGE)
-def export(folder: str, output: str | None, languages: tuple[str, ...], only: Only | None) -> None:
+def export(folder: str, output: str | None, languages: tuple[str, ...], only: EntryFilter | None) -> None:
     """Write every text of the scenario in DIR as one table, one row per text, with its translations.
 
     For Excel, choose .xlsx, where every cell is a text. A .po file has one language, for the tools of gettext. `texts

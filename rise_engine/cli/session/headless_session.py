@@ -30,7 +30,7 @@ from rise_engine.run.engine.engine import MAX_LATE_SECONDS, Engine
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, start_remarks
 from rise_engine.run.protocol.task_file import TaskFileReader, TimedTask, warning_for_task
-from rise_engine.run.server.hub import ALIVE_SECONDS, ALLOWED_WITHOUT_CONTROL, MAY_BE_OLD, STOPPING, SessionHub
+from rise_engine.run.server.hub import ALIVE_SECONDS, ALLOWED_WITHOUT_CONTROL, POSSIBLY_REPEATED, STOPPING, SessionHub
 from rise_engine.scenario.model import Scenario
 
 LIVELOCK = 20_000
@@ -101,7 +101,7 @@ class _HeadlessSession:
         self._due: dict[float, list[TimedTask]] = {}
         """Tasks still to be submitted, by their time."""
         self.streaming = options.stream
-        self.may_be_old: Callable[[], bool] = lambda: False
+        self.may_have_old_requests: Callable[[], bool] = lambda: False
         """Whether this process has just stood still."""
         self._unsuccessful = False
         self._output_failure_reported = False
@@ -129,7 +129,7 @@ class _HeadlessSession:
         if task.at > self.engine.clock.now():
             self._schedule(task)
         else:
-            self._submit(task, MAY_BE_OLD if self.may_be_old() else "")
+            self._submit(task, POSSIBLY_REPEATED if self.may_have_old_requests() else "")
 
     def _print_warning(self, task: TimedTask) -> None:
         warning = warning_for_task(task, self.options.scenario)
@@ -192,7 +192,7 @@ class _HeadlessSession:
     def _submit_due(self, at: float) -> None:
         late = (self.engine.clock.now() - at) / self.engine.clock.speed
         # Without a standstill, a session that should run a thousand times as fast is only slow.
-        is_too_late = late > MAX_LATE_SECONDS and self.may_be_old()
+        is_too_late = late > MAX_LATE_SECONDS and self.may_have_old_requests()
         why_not = f"it was due {late:.0f} s ago" if is_too_late else ""
         for task in self._due.pop(at):
             self._submit(task, why_not)
@@ -303,7 +303,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     session = _HeadlessSession(options, RealClock(loop, options.session.speed), output, bridge)
     engine = session.engine
     hub = SessionHub(engine)
-    session.may_be_old = hub.may_be_old
+    session.may_have_old_requests = hub.may_have_old_requests
     if bridge is not None:
         bridge.join(hub)
     ended = asyncio.Event()

@@ -22,7 +22,7 @@ from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.csv_table import WHY, personal_column
 from rise_engine.study.model import FactorKind, Level, StudyCheck
 from rise_engine.study.plan import PLAN_COLUMNS
-from rise_engine.study.study_scenarios import memory_key_problem, memory_type_problem, what_it_does
+from rise_engine.study.study_scenarios import behaviour_key, memory_key_problem, memory_type_problem
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"
@@ -226,7 +226,7 @@ def same_levels(levels: list[Level]) -> list[str]:
     """Return the names of the first two levels with the same behaviour of the robot."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
-            if what_it_does(level) == what_it_does(other):
+            if behaviour_key(level) == behaviour_key(other):
                 return [other.name, level.name]
     return []
 

@@ -375,20 +375,20 @@ def _marked_acts(
     coders = {coder: {of_acts.get(task, task): mark for task, mark in marks.items()} for coder, marks in coders.items()}
     marked = {task for marks in coders.values() for task in marks}
     acts = {key.task for key in data.keys if key.act is not None and key.function not in NO_ANSWERS}
-    deeds: dict[int, TaskRecord] = {}
+    requests: dict[int, TaskRecord] = {}
     for each in data.records:
         if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked):
-            deeds.setdefault(each.id, each)
+            requests.setdefault(each.id, each)
     return [
         MarkedAct(
             facts=data.facts,
             task=task,
-            act=decision_label(scenario, deeds[task].function, deeds[task].behavior),
+            act=decision_label(scenario, requests[task].function, deeds[task].behavior),
             marks={
                 coder: marks.get(task, "none")
                 for coder, marks in coders.items()
-                if deeds[task].t <= until.get(coder, float("inf"))
+                if requests[task].t <= until.get(coder, float("inf"))
             },
         )
-        for task in sorted(deeds)
+        for task in sorted(requests)
     ]

@@ -47,7 +47,7 @@ FORMATS = ("tables", "bids")
 """Exports that every bundle contains."""
 REPORT = "report"
 """The folder of the report page and the reporting sheet."""
-MADE_OF = {
+DERIVED_FROM = {
     "tables": "sessions/, study.toml and the files of questionnaires",
     "bids": "sessions/, study.toml, participants.csv and the files of questionnaires",
     REPORT: "sessions/, study.toml, participants.csv, plan.csv and study.jsonl",
@@ -66,7 +66,7 @@ class Difference(Struct, frozen=True):
     """Its first difference, in words."""
 
     def __str__(self) -> str:
-        return f"{self.file}: {self.what} (it is made of {MADE_OF[self.file.partition('/')[0]]})"
+        return f"{self.file}: {self.what} (it is made of {DERIVED_FROM[self.file.partition('/')[0]]})"
 
 
 class DerivedCheck(Struct):
@@ -149,7 +149,7 @@ def compare_derived(root: Path, about: AboutBundle, *, same_version: bool) -> De
 
 
 def _files(root: Path) -> set[str]:
-    return {name for name in files_in(root) if name.partition("/")[0] in MADE_OF}
+    return {name for name in files_in(root) if name.partition("/")[0] in DERIVED_FROM}
 
 
 def _compare(check: DerivedCheck, name: str, old: Path, new: Path, same_version: bool) -> None:

@@ -175,7 +175,7 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
 def _category(span: TierSpan) -> str:
     if span.tier in ACT_TIERS or span.tier == FILLERS:
         return ACTS
-    if span.doer == "robot":
+    if span.actor == "robot":
         return ROBOT
     return RULES if span.tier.startswith(RULE) else SESSION
 
@@ -202,7 +202,7 @@ def _rows(annotation: Annotation, lane: int, ethogram: _Ethogram) -> Iterator[li
     """Give `[seconds, subject, code, modifiers, comment]`, once for a point event, twice for a state event."""
     span = annotation.span
     category, code = _category(span), _code(span)
-    subject = "robot" if category == ACTS else span.doer
+    subject = "robot" if category == ACTS else span.actor
     start, comment = annotation.start / 1000, annotation.text if annotation.text != code else ""
     if span.tier == CUE:
         yield [start, subject, ethogram.code(category, code, False, 0), "", comment]

@@ -162,8 +162,8 @@ def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbe
     count = 0
     for tier in tiers:
         attributes = {"TIER_ID": tier.name, "LINGUISTIC_TYPE_REF": TYPE, "ANNOTATOR": AUTHOR}
-        if tier.doer != "session":
-            attributes["PARTICIPANT"] = tier.doer
+        if tier.actor != "session":
+            attributes["PARTICIPANT"] = tier.actor
         xml.write(_line(1))
         with xml.element("TIER", attributes):
             for annotation in tier.annotations:

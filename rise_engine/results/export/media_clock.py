@@ -203,7 +203,7 @@ def _path(data: SessionData, file: MediaFile) -> Path:
     return (data.folder / file.path).absolute()
 
 
-Doer: TypeAlias = Literal["robot", "wizard", "participant", "session"]
+TierActor: TypeAlias = Literal["robot", "wizard", "participant", "session"]
 """Who acts in a tier."""
 MOMENT_MS = 100
 """The length of the annotation of an event without duration."""
@@ -223,7 +223,7 @@ class TierSpan(Struct, frozen=True, kw_only=True):
     text: str
     code: str
     """A code that is the same for equal events: an act's name, a rule with its state."""
-    doer: Doer
+    actor: TierActor
     asked_by: str = ""
     """The kind of requester, for an act."""
 
@@ -249,7 +249,7 @@ class Tier(Struct, frozen=True, kw_only=True):
     """One line, unique in the session."""
     lane: int
     """0, or a higher number for overlapping annotations."""
-    doer: Doer
+    actor: TierActor
     annotations: tuple[Annotation, ...]
 
 
@@ -282,15 +282,15 @@ def lay_out(
     tiers: list[Tier] = []
     lost = 0
     for name, members in groups.items():
-        doers = {span.doer for span in members}
-        doer: Doer = members[0].doer if len(doers) == 1 else "session"
+        doers = {span.actor for span in members}
+        actor: TierActor = members[0].actor if len(doers) == 1 else "session"
         lanes, fell_off = _pack(members, clock)
         lost += fell_off
         for number, lane in enumerate(lanes):
             given = names.give(name, number)
-            tiers.append(Tier(name=given, lane=number, doer=doer, annotations=tuple(lane)))
+            tiers.append(Tier(name=given, lane=number, actor=actor, annotations=tuple(lane)))
     if not tiers:
-        tiers.append(Tier(name=ROBOT_SPEECH, lane=0, doer="robot", annotations=()))
+        tiers.append(Tier(name=ROBOT_SPEECH, lane=0, actor="robot", annotations=()))
     ends = [tier.annotations[-1].end for tier in tiers if tier.annotations]
     return TierSet(tiers=tuple(tiers), lost=lost, end=max([1, clock.to_ms(duration), *ends]))
 

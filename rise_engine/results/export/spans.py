@@ -12,7 +12,7 @@ from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
 from rise_engine.results.analysis.course import PARTLY_WITH, interruption_between, seconds_without_engine
 from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.export.media_clock import ROBOT_SPEECH, Doer, TierSpan
+from rise_engine.results.export.media_clock import ROBOT_SPEECH, TierActor, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
 ROBOT_TIERS = (ROBOT_SPEECH, "robot gaze", "robot face", "robot body", "robot arms")
@@ -30,7 +30,7 @@ CUE = "cue"
 CUE_UNDONE = "cue taken back"
 ROBOT_LINK = "robot link"
 STOPPED = "stopped"
-MOMENTS: dict[str, tuple[str, Doer]] = {
+MOMENTS: dict[str, tuple[str, TierActor]] = {
     "event": ("event", "session"),
     "note": ("note", "wizard"),
     "mistake": ("mistake", "wizard"),
@@ -64,7 +64,7 @@ def spans_of(data: SessionData) -> list[TierSpan]:
 
 
 def _tier_order(spans: list[TierSpan]) -> dict[str, int]:
-    channels = sorted({span.tier for span in spans if span.doer == "robot"} - {*ROBOT_TIERS, *ROBOT_OTHER})
+    channels = sorted({span.tier for span in spans if span.actor == "robot"} - {*ROBOT_TIERS, *ROBOT_OTHER})
     rules = [span.tier for span in spans if span.tier.startswith(RULE)]
     asked = (*ACT_TIERS, FILLERS, QUEUE, REJECTED, CUE)
     last = (STOPPED, ROBOT_LINK, *(tier for tier, _ in MOMENTS.values()))
@@ -88,7 +88,7 @@ def _robot_spans(data: SessionData) -> Iterator[TierSpan]:
                     end=part.ended_at if part.ended_at is not None else data.facts.duration,
                     text=_with_ending(_words_of(part, tier), part.status),
                     code=tier,
-                    doer="robot",
+                    actor="robot",
                 )
 
 
@@ -136,9 +136,9 @@ def _act_spans(data: SessionData) -> Iterator[TierSpan]:
 
 
 def _act_span(act: PlayedAct, tier: str, start: float, end: float | None, text: str) -> TierSpan:
-    doer: Doer = "wizard" if act.actor == "wizard" else "session"
+    actor: TierActor = "wizard" if act.actor == "wizard" else "session"
     code = tier if tier in (QUEUE, REJECTED) else act.act
-    return TierSpan(tier=tier, start=start, end=end, text=text, code=code, doer=doer, asked_by=act.actor)
+    return TierSpan(tier=tier, start=start, end=end, text=text, code=code, actor=actor, asked_by=act.actor)
 
 
 def _name_of(act: PlayedAct) -> str:
@@ -153,7 +153,7 @@ def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
         end, text = _answer_of(cue, data)
         label = f"{text} ({cue.text})" if cue.text else text
         code = CUE if cue.undone_at is None else CUE_UNDONE
-        yield TierSpan(tier=CUE, start=cue.at, end=end, text=label, code=code, doer="participant")
+        yield TierSpan(tier=CUE, start=cue.at, end=end, text=label, code=code, actor="participant")
 
 
 def _answer_of(cue: Cue, data: SessionData) -> tuple[float | None, str]:
@@ -207,13 +207,13 @@ def _rule_span(phase: Phase, run: list[Phase]) -> TierSpan:
         end=phase.end,
         text=" → ".join(_state_text(each) for each in run),
         code=f"{phase.rule}: {phase.state}",
-        doer="session",
+        actor="session",
     )
 
 
 def _lengthened(span: TierSpan, run: list[Phase]) -> TierSpan:
     text = " → ".join([span.text, *(_state_text(each) for each in run)])
-    return TierSpan(tier=span.tier, start=span.start, end=span.end, text=text, code=span.code, doer=span.doer)
+    return TierSpan(tier=span.tier, start=span.start, end=span.end, text=text, code=span.code, actor=span.actor)
 
 
 def _state_text(phase: Phase) -> str:
@@ -233,9 +233,9 @@ def _moments(data: SessionData) -> Iterator[TierSpan]:
     for point in data.points:
         if point.kind not in MOMENTS or _is_inner(point) or (point.kind == "fault" and point.task in shown):
             continue
-        tier, doer = MOMENTS[point.kind]
+        tier, actor = MOMENTS[point.kind]
         code = point.name if point.kind == "event" and point.name else tier
-        yield TierSpan(tier=tier, start=point.at, end=None, text=_text_of(point), code=code, doer=doer)
+        yield TierSpan(tier=tier, start=point.at, end=None, text=_text_of(point), code=code, actor=actor)
 
 
 def _is_inner(point: Point) -> bool:
@@ -244,22 +244,22 @@ def _is_inner(point: Point) -> bool:
     return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
 
 
-def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: Doer) -> Iterator[TierSpan]:
+def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, actor: TierActor) -> Iterator[TierSpan]:
     """Give spans from each point of a kind until the point that ends it, or until the next one."""
     since: Point | None = None
     for point in (each for each in data.points if each.kind == kind):
         if since is not None and (point.name in over or tier != STOPPED):
-            yield _lasting(since, point.at, tier, doer)
+            yield _lasting(since, point.at, tier, actor)
             since = None
         if point.name not in over and since is None:
             since = point
     if since is not None:
-        yield _lasting(since, data.facts.duration, tier, doer)
+        yield _lasting(since, data.facts.duration, tier, actor)
 
 
-def _lasting(since: Point, end: float, tier: str, doer: Doer) -> TierSpan:
+def _lasting(since: Point, end: float, tier: str, actor: TierActor) -> TierSpan:
     text = STOPPED if tier == STOPPED else _text_of(since)
-    return TierSpan(tier=tier, start=since.at, end=end, text=text, code=tier, doer=doer)
+    return TierSpan(tier=tier, start=since.at, end=end, text=text, code=tier, actor=actor)
 
 
 def _text_of(point: Point) -> str:

@@ -247,7 +247,7 @@ def declared_column(name: str) -> Column:
 
 # --- one row for each participant -------------------------------------------------------------------------------------
 
-WHOLE = "all"
+ALL_CONDITIONS = "all"
 """The condition of sessions without one."""
 
 
@@ -286,7 +286,7 @@ class WideTable:
         person = self._people.setdefault((facts.study, facts.participant), _WideRow())
         person.sessions += 1
         person.between |= {name: level for name, level in facts.factors.items() if name in between}
-        by_measure = person.trials.setdefault(condition or WHOLE, {})
+        by_measure = person.trials.setdefault(condition or ALL_CONDITIONS, {})
         if data.scenario is not None and data.scenario.trials is not None:
             measure = data.scenario.trials.measure
             by_measure.setdefault(measure, []).extend(trial.number(measure) for trial in trials_of(data))

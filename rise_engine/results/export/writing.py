@@ -200,7 +200,7 @@ class _Note:
 
     def write(self, format: str, level: ExportLevel, *, folder: bool) -> str:
         """Write the entry. Returns why it failed, or an empty text. Raises ExportError after a withdrawal."""
-        fields = {"path": self._path, "format": format, "level": level, **self._who()}
+        fields = {"path": self._path, "format": format, "level": level, **self._sessions_and_people()}
         try:
             with LockedLog(self.study) as log:
                 self._refuse_gone(log)
@@ -220,9 +220,9 @@ class _Note:
         self._refuse_gone(log)
         if self._noted is not None and self.is_inside:
             with suppress(StudyLogError):  # a withdrawal then reports that the hash is unknown
-                log.append("written", path=self._path, sha256=digest, **self._who())
+                log.append("written", path=self._path, sha256=digest, **self._sessions_and_people())
 
-    def _who(self) -> dict[str, Json]:
+    def _sessions_and_people(self) -> dict[str, Json]:
         return {"sessions": [session.resolve().name for session in self._sessions], "participants": [*self._people]}
 
     def _refuse_gone(self, log: LockedLog | None) -> None:

@@ -35,8 +35,8 @@ ORIGIN = (
     "119\u2013136, doi 10.5898/JHRI.1.1.Riek. Compare them with the paper's own table. The record fills in what it "
     "knows. The rest comes from [report] of study.toml."
 )
-STILL_TO_SAY = "still to say"
-NOBODY = Withdrawn()
+UNANSWERED = "still to say"
+NONE_WITHDRAWN = Withdrawn()
 
 
 class SheetItem(Struct, frozen=True):
@@ -62,7 +62,7 @@ def reporting_sheet(
     study: Study,
     standing: StudyStanding,
     figures: StudyFigures,
-    withdrawn: Withdrawn = NOBODY,
+    withdrawn: Withdrawn = NONE_WITHDRAWN,
     omitted: Mapping[str, int] | None = None,
 ) -> list[SheetItem]:
     """Make the whole sheet.
@@ -94,7 +94,7 @@ def reporting_sheet(
         item("Participants", "Whether they believed in the robot", (), "convincing"),
         item("Wizard", "How many", _wizards(wizards), "wizard_role"),
         item("Wizard", "Who they were", (), "wizard_demographics"),
-        item("Wizard", "What they knew", _knew(study), "wizard_knew"),
+        item("Wizard", "What they knew", _blinding_sentences(study), "wizard_knew"),
         item("Wizard", "What they could do", _production(figures), "wizard_rules"),
         item("Wizard", "What they perceived", (), "wizard_perceived"),
         item("Wizard", "Their errors", _errors(figures), "wizard_errors"),
@@ -169,7 +169,7 @@ def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
         lines += [f"### {item.title}", ""]
         lines += [_plain(sentence) for sentence in item.known]
         for name, text in zip(item.asked, item.answers, strict=True):
-            lines.append(_plain(text) if text else f"*{STILL_TO_SAY}*: {question_of(name)} (`{name}`)")
+            lines.append(_plain(text) if text else f"*{UNANSWERED}*: {question_of(name)} (`{name}`)")
         lines.append("")
     return "\n".join(lines)
 
@@ -255,7 +255,7 @@ def _wizards(wizards: Iterable[WizardCourse]) -> list[str]:
     return [f"{pluralize(len(names), 'wizard')}: {', '.join(names)}."] if names else []
 
 
-def _knew(study: Study) -> list[str]:
+def _blinding_sentences(study: Study) -> list[str]:
     hidden = "were hidden until a session began" if study.assignment.hidden else "could be seen before a session began"
     labelled = any(level.label for factor in study.factors for level in factor.levels)
     return [f"Conditions {hidden}{', and were shown by labels' if labelled else ''}."] if study.factors else []
@@ -304,12 +304,12 @@ def _training(wizards: Iterable[WizardCourse], omitted: Mapping[str, int]) -> li
             continue
         seconds = sum(row.facts.duration for row in rows)
         text = f"{name}: {pluralize(len(rows), 'session')} before the first that counted, {length_text(seconds)} in all"
-        first, last = (_how_they_did(each, row) for row in (rows[0], rows[-1]))
+        first, last = (_performance_text(each, row) for row in (rows[0], rows[-1]))
         known.append(f"{text}; {first}." if len(rows) == 1 else f"{text}; first {first}; last {last}.")
     return known
 
 
-def _how_they_did(course: WizardCourse, row: SessionRow) -> str:
+def _performance_text(course: WizardCourse, row: SessionRow) -> str:
     """Describe a wizard's performance in one session: cue to key, and mistakes."""
     part = course.part_in(row)
     summary = summarise(part.reactions)

@@ -32,7 +32,7 @@ from rise_engine.results.report.document import (
 from rise_engine.results.report.session_report import LEVEL_WORDS, colophon, problem_paragraphs
 from rise_engine.results.report.sheet import (
     ORIGIN,
-    STILL_TO_SAY,
+    UNANSWERED,
     SheetItem,
     begun_text,
     debriefed_text,
@@ -525,4 +525,4 @@ def _sheet(given: StudyReportInput) -> Iterable[Block]:
 
 def _answers(item: SheetItem) -> Iterable[str]:
     for name, text in zip(item.asked, item.answers, strict=True):
-        yield text if text else f"({STILL_TO_SAY}: {question_of(name)})"
+        yield text if text else f"({UNANSWERED}: {question_of(name)})"

@@ -235,7 +235,7 @@ class ShadowClient:
                 self._write_soon(ShadowCue(record.t, record.seq))
                 released.append(self._status)
             return released
-        if self._cue is not None and _is_deed(record):
+        if self._cue is not None and _is_first_sign(record):
             self._holds = True
         if _is_hidden(record):
             return []
@@ -375,7 +375,7 @@ class ShadowClient:
                 await asyncio.to_thread(self._writer.close)
 
 
-def _is_deed(record: AnyRecord) -> bool:
+def _is_first_sign(record: AnyRecord) -> bool:
     """Return whether a record is the first sign of a wizard's decision. Every later record may follow from it."""
     if isinstance(record, TaskRecord):
         return record.source.startswith("wizard:") and record.function not in _ABOUT_CUES

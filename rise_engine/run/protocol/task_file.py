@@ -31,7 +31,7 @@ FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
 SETTINGS = ("fault", "seed", "condition")
 """Entries of a line that sets something for the whole session."""
-OF_TESTS = ("test", "key", "go_on", "wait", "expect")
+TEST_ENTRIES = ("test", "key", "go_on", "wait", "expect")
 """Entries of the lines of tests (`rise_engine.author.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
 """The latest `at` in seconds, a year."""
@@ -208,7 +208,7 @@ def task_of(value: dict[str, Any], source: str = "file") -> Submit:
 
 def find_task_problems(value: dict[str, Any]) -> list[str]:
     """Return the errors of a line of a task file, in sentences."""
-    if test_lines := [key for key in OF_TESTS if key in value]:
+    if test_lines := [key for key in TEST_ENTRIES if key in value]:
         return [f"`{test_lines[0]}` belongs to a test of a study, which `rise-engine test DIR` runs"]
     problems = [f"unknown entry `{key}`{did_you_mean(key, (*KEYS, *SETTINGS))}" for key in value if key not in KEYS]
     function = value.get("function_type")

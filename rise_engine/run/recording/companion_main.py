@@ -39,7 +39,7 @@ def main() -> None:
     signs = os.dup(1)
     os.dup2(2, 1)  # output of libraries is not a sign of life
     try:
-        asyncio.run(_work(signs))
+        asyncio.run(_run_session_work(signs))
     except (RiseError, msgspec.MsgspecError) as error:
         print(" ".join(str(error).split()), file=sys.stderr, flush=True)
         os._exit(1)
@@ -50,7 +50,7 @@ def main() -> None:
     os._exit(0)  # without waiting for threads of libraries
 
 
-async def _work(signs: int) -> None:
+async def _run_session_work(signs: int) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGHUP):  # from a terminal: the engine decides when to finish
         loop.add_signal_handler(number, lambda: None)

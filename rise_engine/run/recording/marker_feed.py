@@ -43,7 +43,7 @@ GRACE_SECONDS = 0.3
 """Time after the request to finish in which records are still accepted."""
 LINGER_SECONDS = 5.0
 """Time for consumers to fetch the last markers, which they do not confirm. It ends early when they disconnect."""
-HASTY_LINGER_SECONDS = 1.5
+SHORT_LINGER_SECONDS = 1.5
 """The same if a process waits for the end."""
 
 
@@ -116,7 +116,7 @@ class MarkerFeed:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await self._finish(HASTY_LINGER_SECONDS if finish.is_set() else LINGER_SECONDS)
+            await self._finish(SHORT_LINGER_SECONDS if finish.is_set() else LINGER_SECONDS)
 
     async def _follow(self) -> None:
         while True:

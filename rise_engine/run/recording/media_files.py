@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 # --- finding marks in a file ------------------------------------------------------------------------------------------
 
-BELIEVED = 3.0
+MIN_RATIO = 3.0
 """Minimum ratio of a mark to the best match elsewhere in the file."""
 _MIN_COEFFICIENT = 0.15
 """Minimum coefficient of a mark, however quiet the file is."""
@@ -72,7 +72,7 @@ def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
 
     :param blocks: the sound, one channel, between -1 and 1, in pieces of any length.
     :param rate: samples in a second, at least 9,000: the sweeps reach 4 kHz.
-    :return: those that are `BELIEVED` times as strong as everything else of that kind.
+    :return: those that are `MIN_RATIO` times as strong as everything else of that kind.
     :raises SessionError: numpy is missing, or the rate is too low.
     """
     numpy = load_numpy()
@@ -164,7 +164,7 @@ def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
         if all(abs(match[1] - each[1]) >= _APART_SECONDS for each in apart):
             apart.append(match)
     floor = max(apart[most][0] if len(apart) > most else 0.0, _MIN_COEFFICIENT / 100)
-    least = max(_MIN_COEFFICIENT, BELIEVED * floor)
+    least = max(_MIN_COEFFICIENT, MIN_RATIO * floor)
     heard = [HeardMark(sweep, at, round(quality / floor, 2)) for quality, at, sweep in apart[:most] if quality >= least]
     return sorted(heard, key=lambda mark: mark.at)
 

@@ -83,7 +83,7 @@ class Companions:
         """Whether the session must wait for a companion before it ends: for recorders, never for outlets."""
         return any(not task.done() for each, task in self._pairs() if each.request.kind == "recorders")
 
-    def hurry(self) -> None:
+    def end_quickly(self) -> None:
         """End all companions without waiting any longer, even if their files stay incomplete."""
         for each in self._companions:
             each.finish()

@@ -49,7 +49,7 @@ OLD_SECONDS = 1.0
 """Seconds after a standstill in which requests may be older than it."""
 ALIVE_SECONDS = 0.5
 """Interval between two calls of `SessionHub.note_alive`."""
-MAY_BE_OLD = "the engine stood still, and this may have been asked before"
+POSSIBLY_REPEATED = "the engine stood still, and this may have been asked before"
 
 
 class AttachedClient(Struct, frozen=True, eq=False):
@@ -210,7 +210,7 @@ class SessionHub:
 
     def note_alive(self) -> None:
         """Note that this process runs. It must be called regularly, so that a standstill shows."""
-        self.may_be_old()
+        self.may_have_old_requests()
         self._alive_at, self._suspended = monotonic(), suspended_seconds()
         offset, before = time() - self._alive_at - self._suspended, self._clock_offset
         self._clock_offset = offset
@@ -219,7 +219,7 @@ class SessionHub:
             text = f"the clock of this computer was set {how}: times of day do not fit from here on"
             self.engine.post(Note(text=text))
 
-    def may_be_old(self) -> bool:
+    def may_have_old_requests(self) -> bool:
         """Whether this process or the computer has just stood still, so that requests may be older."""
         now, suspended = monotonic(), suspended_seconds()
         if self._alive_at is None:
@@ -322,8 +322,8 @@ class SessionHub:
 
     def _why_not_begin(self) -> str:
         """Return why clients may not start anything now; empty: they may."""
-        if self.may_be_old():
-            return f"{MAY_BE_OLD}: ask again"
+        if self.may_have_old_requests():
+            return f"{POSSIBLY_REPEATED}: ask again"
         if (behind := self.engine.journal_status.behind) > MAX_BEHIND_SECONDS:
             return f"the disk has not recorded anything for {behind:.0f} s: ask again once it records again"
         return ""

@@ -280,7 +280,7 @@ class _SessionProcess:
     def _end_by_signal(self, reason: str) -> None:
         self.signals += 1
         if self.signals > 1:  # end immediately
-            self.companions.hurry()
+            self.companions.end_quickly()
         self.end(reason)
 
     def end(self, reason: str) -> None:

@@ -219,7 +219,7 @@ def check_failures(
     heard = {mention.name for mention in draft.awaited_topics}
     settings = tables.settings_by_act(draft.acts)
 
-    def goes_on(name: str) -> bool:
+    def continues(name: str) -> bool:
         own = settings.get(name)
         if f"{name}_failed" in heard or name not in draft.acts or not _can_fail(draft.acts[name], robot):
             return False
@@ -229,7 +229,7 @@ def check_failures(
         return
     for rule in draft.rules.values():
         found = list(_unanswered_ends(rule))
-        acts = list(dict.fromkeys(name for name, _ in found if goes_on(name)))
+        acts = list(dict.fromkeys(name for name, _ in found if continues(name)))
         if acts:
             others = f"; the same is true of {len(acts) - 1} more of its acts" if len(acts) > 1 else ""
             diagnostics.warning(

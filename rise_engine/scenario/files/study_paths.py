@@ -29,7 +29,7 @@ SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 """The endings of a study's files, which are all text."""
 RECORDED = ("sessions", "bundles", "exports")
 """Folders of recorded data, which are not a study's own files."""
-OBEYED = ("package.json", "pyproject.toml")
+CONFIG_FILES = ("package.json", "pyproject.toml")
 """Lower-case names of files that other programs execute or obey."""
 _LONGEST_SHOWN = 120
 _EXAMPLE = "name it relative to the study's folder, as in `acts/greeting.xml`"
@@ -61,7 +61,7 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
         return ""
     if recorded := next((part for part in path.parts if part.lower() in RECORDED), ""):
         return f"{shown} is in `{recorded}`, with recorded data, which edits cannot change; choose another folder"
-    if path.name.lower() in OBEYED:
+    if path.name.lower() in CONFIG_FILES:
         return f"{shown} is a file from which other programs take instructions; choose another name"
     if not path.name.lower().endswith(tuple(suffixes)):
         ends = " or ".join((", ".join(suffixes[:-1]), suffixes[-1]) if len(suffixes) > 1 else suffixes)
@@ -107,7 +107,7 @@ def why_not_read(folder: Path, path: str | os.PathLike[str]) -> str:
     :param path: relative to that folder, as written in a file.
     """
     real = Path(os.path.realpath(folder / path))
-    if any(real.is_relative_to(home) for home in _homes(folder)):
+    if any(real.is_relative_to(home) for home in _real_folders(folder)):
         return ""
     here = os.path.normpath(folder)
     is_link = os.path.normpath(folder / path).startswith(os.path.join(here, ""))  # noqa: PTH118  # texts
@@ -119,7 +119,7 @@ _COPY = "replace the link with a copy"
 _INSIDE = "a study reads only files in its own folder: copy it there, and name the copy"
 
 
-def _homes(folder: Path) -> Iterator[Path]:
+def _real_folders(folder: Path) -> Iterator[Path]:
     yield Path(os.path.realpath(folder))
     for name in (SCENARIO_FILE, STUDY_FILE):
         real = Path(os.path.realpath(folder / name))

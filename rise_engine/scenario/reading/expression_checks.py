@@ -35,13 +35,13 @@ def note_expression(
     :param locate: returns the location of the condition, or of a character in it by its index.
     """
     _note_reads(expression, locate, draft)
-    blank = _find_odd_blank(expression.text)
+    blank = _find_unusual_space(expression.text)
     if blank >= 0:
         sentence = typography_problem(expression.text, blank)
         diagnostics.warning("odd-blank", locate(blank), f"{sentence} (RISE does not take it for one)")
 
 
-def _find_odd_blank(text: str) -> int:
+def _find_unusual_space(text: str) -> int:
     """The offset of the first character outside texts that only looks like a blank; -1: none."""
     if text.isascii():
         return -1

@@ -101,7 +101,7 @@ def when_text(wait_for: Sequence[str]) -> str:
     return "after " + " ".join(wait_for) if wait_for else "at once"
 
 
-def what_text(action: WrittenAction) -> str:
+def action_content(action: WrittenAction) -> str:
     """The content of an action without its name: its text, or the values of its parameters."""
     if not action.calls:
         return ""
@@ -125,7 +125,7 @@ def action_with(act: WrittenAct, wanted: str) -> str:
 
 def act_content(act: WrittenAct) -> str:
     """The texts of an act; without texts, its actions."""
-    texts = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
+    texts = [action_content(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
     return " ".join(texts or [action_type(each) for each in act.actions])
 
 
@@ -184,7 +184,7 @@ def _action_line(
         (f"{action.id:>2} ", "accent"),
         fixed_span(action_type(action), 10, "strong"),
         (" ", "plain"),
-        (what_text(action), "muted" if action.reason else "plain"),
+        (action_content(action), "muted" if action.reason else "plain"),
     )
     return (*crop(line, left), *_bar(time, scale, left - line_width(crop(line, left))))
 
@@ -250,7 +250,7 @@ def _instead(substitute: str | None) -> str:
 def _wait_choices(act: WrittenAct, action: WrittenAction) -> list[FieldChoice]:
     """What an action can wait for: all others."""
     return [
-        FieldChoice(each.id, f"{each.id} {action_type(each)}", what_text(each))
+        FieldChoice(each.id, f"{each.id} {action_type(each)}", action_content(each))
         for each in act.actions
         if each.id and each.id != action.id
     ]

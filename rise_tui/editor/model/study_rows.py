@@ -8,7 +8,7 @@ from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.editor.model.acts import act_seconds, action_type, all_texts, what_text, when_text
+from rise_tui.editor.model.acts import act_seconds, action_content, action_type, all_texts, when_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
@@ -183,7 +183,7 @@ def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLi
     ]
     for action in act.actions:  # one role: colour changes are most of a cursor move's bytes
         head = f" {when_text(action.wait_for):9}{action.id:>2} {action_type(action)[:9]:9} "
-        lines.append(crop(((head + what_text(action), "plain"),), width))
+        lines.append(crop(((head + action_content(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 
 

@@ -35,7 +35,7 @@ from rise_tui.rendering.text import (
 
 TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
 """The state of a translation: up to date; outdated; with other memory values; missing; missing and not needed."""
-LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
+INCOMPLETE_STATES: tuple[TextState, ...] = ("stale", "wrong", "missing")
 MARKS: dict[TextState, StyledSpan] = {
     "there": ("✓ ", "muted"),
     "stale": ("▲ ", "wait"),
@@ -130,7 +130,7 @@ def _state(text: SpokenText, translation: Translation | None) -> TextState:
 def count_texts(entries: Sequence[TextEntry]) -> TextCounts:
     """The counts over all texts of a study."""
     states = [each.state for each in entries]
-    there, stale, wrong, missing = (states.count(state) for state in ("there", *LACKING))
+    there, stale, wrong, missing = (states.count(state) for state in ("there", *INCOMPLETE_STATES))
     return TextCounts(there, stale, wrong, missing, there + stale + wrong + missing)
 
 
@@ -140,7 +140,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
     return [
         each
         for each in entries
-        if (not view.only or each.state in LACKING)
+        if (not view.only or each.state in INCOMPLETE_STATES)
         and wanted in f"{each.text.id}\n{each.text.text}\n{each.translated}".casefold()
     ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from rise_engine.author.trial.trial import Trial, TrialStep
-from rise_engine.author.trial.trial_history import HappenedKind, HappenedLine
+from rise_engine.author.trial.trial_history import HistoryKind, HistoryLine
 from rise_engine.author.trial.trial_state import (
     ConditionReading,
     KeyChoice,
@@ -24,7 +24,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, a
 
 GO_ON = "go"
 """The id of the row that lets time pass. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
-KIND_ROLES: dict[HappenedKind, TextRole] = {
+KIND_ROLES: dict[HistoryKind, TextRole] = {
     "done": "strong", "state": "accent", "event": "plain", "memory": "plain", "condition": "muted", "act": "plain",
     "says": "plain", "note": "muted", "problem": "fault",
 }  # fmt: skip
@@ -77,7 +77,7 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
     return rows
 
 
-def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
+def history_rows(lines: Sequence[HistoryLine], width: int) -> list[ListRow]:
     """The past events, the newest last. A long line takes several rows."""
     rows = []
     omitted = len(lines) - MAX_LINES
@@ -108,7 +108,7 @@ def play_again(steps: Sequence[TrialStep], trial: Trial) -> None:
         if step.task is not None:
             trial.submit(step.task, step.key, max(step.at, trial.now))
         elif step.kind == "wait":
-            trial.let_pass(step.seconds)
+            trial.pass_time(step.seconds)
         else:
             trial.go_on()
 

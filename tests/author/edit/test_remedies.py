@@ -182,7 +182,7 @@ def test_nothing_is_offered_that_cannot_be_made(tmp_path: Path) -> None:
     study = opened(tmp_path / "b", CASES[0])
     (finding, *_) = study.checked.diagnostics
     (tmp_path / "b" / GAZE).write_bytes(study.files[GAZE].replace(b"look", b"l\xfck"))
-    study.notice_outside()
+    study.read_disk_changes()
     assert remedies(finding, study.state) == []
     elsewhere = replace(finding, location=replace(finding.location, file="/elsewhere/SayThen.xml"))
     assert remedies(elsewhere, study.state) == []

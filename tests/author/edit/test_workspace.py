@@ -149,13 +149,13 @@ def test_two_people_change_two_files(folder: Path) -> None:
     study.apply(SAY)
     _write(folder / FACE, "<duration>600</duration>", "<duration>700</duration>")
 
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None
     assert (outside.files, outside.clash, outside.forgotten) == ((FACE,), (), False)
     assert study.save().files == (SPEECH,)
     assert b"I am Floka." in _disk(folder)[SPEECH]
     assert b"700" in _disk(folder)[FACE]
-    assert study.notice_outside() is None
+    assert study.read_disk_changes() is None
 
 
 def test_a_file_that_somebody_is_writing_is_read_once_it_is_whole(
@@ -166,8 +166,8 @@ def test_a_file_that_somebody_is_writing_is_read_once_it_is_whole(
     whole = (folder / FACE).read_text("utf-8").replace("<duration>600</duration>", "<duration>700</duration>")
     (folder / FACE).write_text("", "utf-8")
     monkeypatch.setattr(workspace_module.time, "sleep", lambda seconds: (folder / FACE).write_text(whole, "utf-8"))
-    assert study.notice_outside(settled=True) is None
-    outside = study.notice_outside(settled=True)
+    assert study.read_disk_changes(settled=True) is None
+    outside = study.read_disk_changes(settled=True)
     assert outside is not None and outside.files == (FACE,)
     assert b"700" in (study.files[FACE] or b"")
 
@@ -181,7 +181,7 @@ def test_steps_are_kept_when_other_files_change(folder: Path) -> None:
     (folder / "acts" / "new.xml").write_text("<Dialogs/>", "utf-8")
     (folder / "session.jsonl").unlink()
 
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None
     assert (outside.files, outside.forgotten) == (("acts/new.xml", FACE, "session.jsonl"), False)
     study.undo()
@@ -201,7 +201,7 @@ def test_two_people_change_one_file(folder: Path, keeps: str) -> None:
 
     with pytest.raises(EditRefused, match="has changed on the disk meanwhile"):
         study.save()
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None
     assert (outside.files, outside.clash, outside.forgotten) == ((SPEECH,), (SPEECH,), True)
     mine = study.files
@@ -211,14 +211,14 @@ def test_two_people_change_one_file(folder: Path, keeps: str) -> None:
         assert set(study.save().files) == {SPEECH, FACE}
         assert _disk(folder)[SPEECH] == mine[SPEECH]
     else:
-        assert study.take_outside(outside.clash).says == (f"{SPEECH} is as it is on the disk",)
+        assert study.take_disk_changes(outside.clash).says == (f"{SPEECH} is as it is on the disk",)
         assert study.files == {**mine, SPEECH: theirs}
         study.undo()
         assert study.files == mine
         study.redo()
         assert study.save().files == (FACE,)
         assert _disk(folder)[SPEECH] == theirs
-    assert study.notice_outside() is None
+    assert study.read_disk_changes() is None
 
 
 @pytest.mark.parametrize(("here", "there"), [(None, b"<Dialogs/>"), (b"<Dialogs/>", None)])
@@ -229,10 +229,10 @@ def test_a_file_that_is_deleted_on_one_side(folder: Path, here: bytes | None, th
     (folder / "acts" / "more.xml").unlink()
     if there is not None:
         (folder / "acts" / "more.xml").write_bytes(there)
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None and outside.clash == ("acts/more.xml",)
     assert study.files.get("acts/more.xml") == here
-    study.take_outside(outside.clash)
+    study.take_disk_changes(outside.clash)
     assert study.files.get("acts/more.xml") == there
     study.undo()
     study.save()
@@ -245,7 +245,7 @@ def test_after_a_change_outside_of_a_saved_file_its_steps_are_forgotten(folder: 
     study.save()
     study.apply(SMILE)
     _write(folder / SPEECH, "Hi there! Good to see you.", "Hey!")
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None and (outside.clash, outside.forgotten) == ((), True)
     assert study.undo() is not None and study.undo() is None
     assert study.files == _disk(folder)
@@ -323,7 +323,7 @@ def test_a_draft_on_files_that_have_changed_since(folder: Path) -> None:
     outside = again.take_up_draft(draft)
     assert (outside.files, outside.clash) == ((FACE,), (FACE,))
     assert b"2500" in again.files[FACE]
-    again.take_outside(outside.clash)
+    again.take_disk_changes(outside.clash)
     assert b"9000" in again.files[FACE]
     assert b"I am Floka." in again.files[SPEECH]
 
@@ -352,7 +352,7 @@ def test_the_second_editor_may_look_and_takes_over(folder: Path) -> None:
     first.apply(SMILE)
     first.save()
     first.close()
-    outside = second.notice_outside()
+    outside = second.read_disk_changes()
     assert outside is not None
     assert second.read_only == ""
     assert second.save().files == (SPEECH,)
@@ -393,19 +393,19 @@ def test_the_study_of_a_folder_above_is_known(folder: Path) -> None:
     above = folder.parent / "study.toml"
     levels = "levels.near.memory = { person_near = true }\nlevels.other.scenario = 'elsewhere'\n"
     above.write_text(f"scenario = '{folder.name}'\n[factors.place]\n{levels}")
-    assert study.notice_outside() is None
+    assert study.read_disk_changes() is None
     assert study.above == {str(above.resolve()): above.read_bytes()}
     with pytest.raises(EditRefused, match=r"study\.toml sets `person_near`, too; change it there by hand first"):
         study.apply(Rename("key", "person_near", "near"))
     assert study.apply(RemoveStartValue("person_near")).noticed == (f"{above.resolve()} sets `person_near`",)
     study.apply(Rename("key", "person_name", "name"))
     above.write_text("scenario = ")  # cannot be read: nobody knows
-    study.notice_outside()
+    study.read_disk_changes()
     with pytest.raises(EditRefused, match=r"study\.toml cannot be read, and may set `person_x`, too"):
         study.apply(Rename("key", "person_x", "x"))
     (folder.parent / "deep").mkdir()
     above.write_text("[factors.place]\nlevels.near = { scenario = 'deep/one' }\n")
-    assert study.notice_outside() is None
+    assert study.read_disk_changes() is None
     assert study.above == {}, "it has other scenarios"
     deep = folder.parent / "deep" / "one"
     shutil.copytree(folder, deep)
@@ -425,7 +425,7 @@ def test_a_program_and_a_person_change_one_study(folder: Path) -> None:
     assert f"process {os.getpid()} on " in refused.stderr
     subprocess.run(["sed", "-i", "s/<duration>600</<duration>650</", str(folder / FACE)], check=True)
 
-    outside = study.notice_outside()
+    outside = study.read_disk_changes()
     assert outside is not None
     assert (outside.files, outside.clash) == ((FACE,), ())
     assert study.save().files == (SPEECH,)

@@ -120,7 +120,7 @@ def _save(study: Workspace, folder: Path, disk: Files) -> None:
     except EditRefused:
         assert study.checked.errors or outside & mine
         assert _disk(folder) == disk
-        study.notice_outside()
+        study.read_disk_changes()
         assert study.saved == disk
         return
     assert written == mine
@@ -147,7 +147,7 @@ def test_steps_go_back_and_forth_over_a_save_and_changes_of_others(edits: list[i
             if _edit(study, edit):
                 stages.append(dict(study.files))
         _write_outside(folder, 2)
-        outside = study.notice_outside()
+        outside = study.read_disk_changes()
         assert outside is not None
         readme = (folder / "README.md").read_bytes()
         for stage in stages:

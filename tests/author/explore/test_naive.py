@@ -18,7 +18,7 @@ from tests.author.explore.projection import difference, phase_of, project
 from tests.author.explore.random_runs import random_run
 from tests.author.explore.random_studies import RandomStudy, random_study
 from tests.author.explore.restoring import restoring_anew
-from tests.author.explore.world import SOURCE, World, presses, topics_from_outside
+from tests.author.explore.world import SOURCE, World, external_topics, presses
 from tests.chance import examples
 from tests.kernel.harness import dialog, gaze, pause, read, speech, write
 
@@ -54,7 +54,7 @@ def test_a_rule_that_goes_forth_and_back(tmp_path: Path) -> None:
 
 def test_events_that_nobody_in_the_study_raises_come_from_outside(tmp_path: Path) -> None:
     scenario = study(tmp_path, rule("R", FORTH, BACK))
-    assert topics_from_outside(scenario) == {"e"}
+    assert external_topics(scenario) == {"e"}
     assert states(explore_naively(scenario)) == {"s0", "s1"}
     assert states(explore_naively(scenario, world=World(nodes=False))) == {"s0"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.explore.zones import NO_CLOCKS, carry, hull, includes, let_pass, narrow, widen, widest
+from rise_engine.author.explore.zones import NO_CLOCKS, carry, elapse, hull, includes, narrow, widen, widest
 
 limits = st.lists(st.integers(0, 8), min_size=1, max_size=3)
 
@@ -44,14 +44,14 @@ def test_time_passes_until_the_first_limit(tops: list[int], data: st.DataObject)
         for passed in range(10)
         if all(time + passed <= top for time, top in zip(start, tops, strict=True))
     }
-    assert points(let_pass(zone, tops)) == wanted
+    assert points(elapse(zone, tops)) == wanted
 
 
 def test_a_new_clock_begins_at_nothing_and_an_old_one_goes_on() -> None:
-    zone = let_pass(carry(NO_CLOCKS, [None]), [5])
+    zone = elapse(carry(NO_CLOCKS, [None]), [5])
     both = carry(zone, [1, None])
     assert points(both) == {(time, 0) for time in range(6)}
-    assert points(let_pass(both, [7, 3])) == {(old, new) for new in range(4) for old in range(new, min(7, new + 5) + 1)}
+    assert points(elapse(both, [7, 3])) == {(old, new) for new in range(4) for old in range(new, min(7, new + 5) + 1)}
 
 
 @given(limits, st.data())

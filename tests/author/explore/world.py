@@ -72,13 +72,13 @@ def presses(scenario: Scenario, world: World) -> list[Submit]:
     ]
     events = [
         Submit(function="raiseEventTopic", behavior="/" + topic, source="ros:node")
-        for topic in (sorted(topics_from_outside(scenario)) if world.nodes else ())
+        for topic in (sorted(external_topics(scenario)) if world.nodes else ())
     ]
     cues = [Submit(function="markCue", source=SOURCE)] if world.cues else []
     return [*keys, *events, *cues, *world.more]
 
 
-def topics_from_outside(scenario: Scenario) -> set[str]:
+def external_topics(scenario: Scenario) -> set[str]:
     """Topics that some rule waits for and that neither a key, nor a rule, nor the engine raises."""
     acts, rules = scenario.acts, scenario.rules
     by_engine = {f"{act}_{end}" for act in (*acts, "say") for end in ENDS} | {f"{rule}_end" for rule in rules}

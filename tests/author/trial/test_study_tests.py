@@ -33,7 +33,7 @@ def kept_trial(folder: Path) -> Trial:
     trial.press(key(scenario, "y"))
     trial.raise_event("go")
     trial.go_on()
-    trial.let_pass(2)
+    trial.pass_time(2)
     trial.set_value("tries = 9")
     trial.go_on()
     return trial

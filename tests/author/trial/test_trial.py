@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.author.trial.trial import LONGEST, Trial
-from rise_engine.author.trial.trial_history import happened, happened_in
+from rise_engine.author.trial.trial_history import history_lines, step_lines
 from rise_engine.author.trial.trial_state import (
     events_to_raise,
     key_choices,
@@ -110,7 +110,7 @@ def test_what_is_done_comes_after_what_has_happened(lablinking: Scenario) -> Non
     trial.go_on()
     third = trial.press(key(lablinking, "n"))
     assert (first.at, second.at) == (0.0, 0.1) and third.at > trial.steps[2].at
-    trial.let_pass(2.5)
+    trial.pass_time(2.5)
     assert trial.now == third.at + 2.5
 
 
@@ -120,8 +120,8 @@ DOINGS: list[Doing] = [
     lambda trial: trial.press(key(trial.scenario, "g")),
     lambda trial: trial.press(key(trial.scenario, "y")),
     lambda trial: trial.go_on(),
-    lambda trial: trial.let_pass(0.7),
-    lambda trial: trial.let_pass(8),
+    lambda trial: trial.pass_time(0.7),
+    lambda trial: trial.pass_time(8),
     lambda trial: trial.set_value("tries = 9"),
     lambda trial: trial.set_value("no ( value"),
     lambda trial: trial.raise_event("go"),
@@ -155,7 +155,7 @@ def test_the_records_are_those_of_a_run_in_virtual_time(
     trial.go_on()
     for label in ("n", "p", "n"):
         trial.press(key(lablinking, label))
-        trial.let_pass(1.3)
+        trial.pass_time(1.3)
         trial.go_on()
     trial.set_value("step = 2")
     script = read_task_file(task_file_text(trial).encode(), "kept.jsonl").tasks
@@ -191,7 +191,7 @@ def test_what_happened_and_why(guide: Scenario) -> None:
     trial = Trial(guide)
     trial.press(key(guide, "t"))
     trial.press(key(guide, "g"))
-    assert [(line.key, line.kind, line.text) for line in happened(trial)] == [
+    assert [(line.key, line.kind, line.text) for line in history_lines(trial)] == [
         ("t", "done", "starts rule Guide"),
         ("", "state", "Guide: in Waiting"),
         ("g", "condition", "ready and tries < 3: false in Guide (ready is false, tries is 0)"),
@@ -199,7 +199,7 @@ def test_what_happened_and_why(guide: Scenario) -> None:
     ]
     trial.press(key(guide, "y"))
     trial.raise_event("go")
-    assert [line.text for line in happened_in(trial, -1)] == [
+    assert [line.text for line in step_lines(trial, -1)] == [
         "ready and tries < 3: true in Guide (ready is true, tries is 0)",
         "/go: Guide takes it",
         "Guide: Waiting → Talking on /go",
@@ -212,7 +212,7 @@ def test_what_happened_and_why(guide: Scenario) -> None:
 def test_the_ways_out_say_what_each_waits_for_and_its_reading_now(guide: Scenario) -> None:
     trial = Trial(guide)
     trial.press(key(guide, "t"))
-    trial.let_pass(2)
+    trial.pass_time(2)
     (rule,) = running_rules(trial)
     go, bored = rule.transitions
     assert (rule.state, go.waits_for, go.now, go.target, go.event) == (

@@ -56,9 +56,9 @@ hold = true
 ACT, EVENT, SET = "startCommunicationRobotAct", "raiseEventTopic", "assignValue"
 FUNCTIONS = {"act": ACT, "event": EVENT, "set": SET, "say": "say", "cue": "markCue", "undo": "undoCue"}
 
-Deed = tuple[float, str, str]
+Intent = tuple[float, str, str]
 """When, what (act, event, set, say, cue, undo, mark, note, sync, stop), and which."""
-CUES: Sequence[Deed] = (
+CUES: Sequence[Intent] = (
     (1.0, "cue", ""), (2.2, "act", "Praise"),
     (10.0, "cue", ""), (10.4, "act", "Hm"), (11.5, "act", "Repeat"),
     (20.0, "cue", ""), (21.0, "event", "/next"),
@@ -70,7 +70,7 @@ CUES: Sequence[Deed] = (
 
 def make_session(
     root: Path,
-    deeds: Iterable[Deed] = CUES,
+    deeds: Iterable[Intent] = CUES,
     *,
     wizard: str = "anna",
     participant: str = "P01",
@@ -129,7 +129,7 @@ def make_session(
     return folder
 
 
-def _do(session: Recording, deed: Deed, source: str) -> None:
+def _do(session: Recording, deed: Intent, source: str) -> None:
     at, what, which = deed
     if what in FUNCTIONS:
         pressed = round(at - 0.02, 6)  # the key, 20 ms before the engine has it

@@ -26,7 +26,7 @@ from rise_engine.kernel.records import (
     Record,
     TaskRecord,
 )
-from rise_engine.run.client.shadow import ShadowClient, _is_deed, _is_hidden, start_time
+from rise_engine.run.client.shadow import ShadowClient, _is_first_sign, _is_hidden, start_time
 from rise_engine.run.protocol.client import AttachReply, EngineGone, Reply, ShadowStatus
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
@@ -46,7 +46,7 @@ from rise_engine.session.shadow import (
     unfinished_shadow,
 )
 from tests.chance import examples
-from tests.results.analysis.cues import ACT, CUES, Deed, cue_numbers, make_session
+from tests.results.analysis.cues import ACT, CUES, Intent, cue_numbers, make_session
 from tests.virtual_time import VirtualLoop, monotonic
 
 
@@ -442,7 +442,7 @@ WHAT = st.sampled_from(
 
 
 @st.composite
-def scripts(draw: st.DrawFn) -> list[Deed]:
+def scripts(draw: st.DrawFn) -> list[Intent]:
     """A cue, and then anything, half seconds apart."""
     times = draw(st.lists(st.integers(2, 40), unique=True, max_size=12).map(sorted))
     deeds = [(1.0, "cue", ""), *((at * 0.5 + 0.5, *draw(WHAT)) for at in times)]
@@ -458,7 +458,7 @@ def scripts(draw: st.DrawFn) -> list[Deed]:
 @pytest.mark.slow
 @settings(max_examples=examples(25))
 @given(scripts(), st.lists(st.integers(1, 90), unique=True, max_size=8).map(sorted))
-def test_nothing_too_early_and_nothing_lost(deeds: list[Deed], presses: list[int]) -> None:
+def test_nothing_too_early_and_nothing_lost(deeds: list[Intent], presses: list[int]) -> None:
     """`presses`: when the second wizard presses the key of an act, in quarters of a second (and a little later)."""
     with tempfile.TemporaryDirectory() as root:
         folder = make_session(Path(root), deeds, seconds=25.0)
@@ -505,7 +505,7 @@ def _may_be_told(record: AnyRecord, records: Sequence[AnyRecord], presses: list[
     """From when on: a deed of the first wizard not before the cue that it may be about was answered, or over."""
     turns = [each for each in records if isinstance(each, CueRecord) and each.status in ("marked", "undone")]
     before = [each for each in turns if each.seq < record.seq]
-    if not _is_deed(record) or not before or before[-1].status == "undone":
+    if not _is_first_sign(record) or not before or before[-1].status == "undone":
         return record.t
     cue = before[-1]
     over = min((each.t for each in turns if each.seq > cue.seq), default=records[-1].t)

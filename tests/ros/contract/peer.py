@@ -71,7 +71,7 @@ class Peer:
         made: dict[str, Any] = {f"{part}_qos": QoS(**each) for part, each in qos.items()}
         carrier = ActionMapping("action", name, type, GoalDeadlines(feedback=1.0), MessageSource({}), **made)
         found = compatibility.compare(self._transport, carrier)
-        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.misfits]}
+        return {**msgspec.to_builtins(found), "sentences": [each.sentence for each in found.mismatches]}
 
     def topics(self) -> list[str]:
         return self._transport.topics()

@@ -31,7 +31,7 @@ from tests.run.server.serving import GREETING, Served, served
 def no_lingering(monkeypatch: pytest.MonkeyPatch) -> None:
     """An outlet of a test has whatever it was sent."""
     monkeypatch.setattr(marker_feed, "LINGER_SECONDS", 0.0)
-    monkeypatch.setattr(marker_feed, "HASTY_LINGER_SECONDS", 0.0)
+    monkeypatch.setattr(marker_feed, "SHORT_LINGER_SECONDS", 0.0)
 
 
 class Outlet:

@@ -196,7 +196,7 @@ async def test_who_is_in_a_hurry_waits_for_none() -> None:
     reports = Reports(request(ScriptedRequest, script=DEAF), request(ScriptedRequest, script=DEAF, kind="outlet"))
     reports.companions.start()
     await asyncio.sleep(0)
-    asyncio.get_running_loop().call_later(0.1, reports.companions.hurry)
+    asyncio.get_running_loop().call_later(0.1, reports.companions.end_quickly)
     await reports.finish()
     assert {told[2] for told in reports.told} == {"its process was not waited for, and was ended"}
 
@@ -232,7 +232,7 @@ def test_only_a_second_signal_does_not_wait_for_recorders(a_console_asked: bool)
     class Told(Companions):
         hurried = 0
 
-        def hurry(self) -> None:
+        def end_quickly(self) -> None:
             self.hurried += 1
 
     class Process(_SessionProcess):

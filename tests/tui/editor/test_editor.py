@@ -279,7 +279,7 @@ async def test_what_somebody_else_writes_is_taken_in_or_asked_about_and_own_chan
         for key in ("escape", "o"):
             text = (study / file).read_text() + f"<!-- theirs {key} -->"
             (study / file).write_text(text)
-            it.screen.look_outside()
+            it.screen.check_disk_changes()
             await it.shows(Dialog)
             assert "Welcome." in it.draft_text and "theirs" not in it.draft_text
             await it.press(key)
@@ -306,7 +306,7 @@ async def test_a_draft_that_was_not_saved_is_offered_again(study: Path) -> None:
 async def test_f9_stops_a_session_of_this_study_and_the_banner_says_that_one_runs(study: Path) -> None:
     sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
     async with editor(study, sessions=sessions) as it:
-        it.screen.look_outside()
+        it.screen.check_disk_changes()
         await it.until(lambda: "a session with P07 runs on its own copy" in it.screen.banner.text)
         assert "STOP" in it.screen.hints.text
         await it.open("act", "R_Greeting")

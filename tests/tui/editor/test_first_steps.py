@@ -91,7 +91,7 @@ def test_the_title_stays_while_there_is_an_error(study: Path) -> None:
     title = draft_of(workspace).title
     assert title == toml_values((study / "scenario.toml").read_bytes())["title"] != study.name
     (study / "memory.json").write_text("{")
-    workspace.notice_outside()
+    workspace.read_disk_changes()
     assert workspace.checked.scenario is None and draft_of(workspace).title == title
     assert toml_values(b"title = ") == {}
     workspace.close()

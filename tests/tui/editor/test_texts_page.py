@@ -75,7 +75,7 @@ async def test_a_translation_is_changed_and_one_line_of_one_file_is_written(lab:
         assert differ == [('"2/2" = { text = "Gut gemacht!", of = "Well done!" }',
                            '"2/2" = { text = "Prima", of = "Well done!" }')]  # fmt: skip
         file.write_text(file.read_text("utf-8").replace("Sehr gut!", "Hervorragend!"), "utf-8")
-        it.screen.look_outside()
+        it.screen.check_disk_changes()
         await it.until(lambda: "Hervorragend!" in page.rows.text, "what somebody else writes is taken in")
 
 
@@ -125,7 +125,7 @@ async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_tak
 async def test_what_is_wrong_is_said_while_it_is_typed_what_is_pasted_is_one_line_and_stop_works(lab: Path) -> None:
     sessions = OneSession(RunningHere("/tmp/a.sock", "P07"))
     async with editor(lab, sessions=sessions) as it:
-        it.screen.look_outside()
+        it.screen.check_disk_changes()
         await it.until(lambda: "a session with P07 runs" in it.screen.banner.text)
         page = await open_at(it, MISSING)
         await it.press("enter")

@@ -13,15 +13,15 @@ from msgspec.structs import replace
 from textual.pilot import Pilot
 
 from rise_engine.author.trial.trial import Trial
-from rise_engine.author.trial.trial_history import happened
+from rise_engine.author.trial.trial_history import history_lines
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.editor.model.trial_rows import (
     GO_ON,
     begin,
     clock_text,
-    happened_rows,
     head_lines,
+    history_rows,
     play_again,
     trial_rows,
 )
@@ -82,7 +82,7 @@ def test_it_begins_with_the_key_of_the_study_or_in_the_state_that_is_asked_for()
 def test_what_happened_is_told_with_its_time_and_its_key() -> None:
     trial = begun()
     trial.go_on()
-    rows = [plain_text(row.line) for row in happened_rows(happened(trial), 60)]
+    rows = [plain_text(row.line) for row in history_rows(history_lines(trial), 60)]
     assert rows[0].startswith(" 00:00 key t")
     assert any("Welcome → After the welcome" in row for row in rows)
     assert max(map(len, rows)) <= 60
@@ -93,7 +93,7 @@ def test_what_was_done_is_done_again_when_the_study_has_changed() -> None:
     trial = begun()
     trial.go_on()
     trial.set_value("step = 3")
-    trial.let_pass(2)
+    trial.pass_time(2)
     again = Trial(replace(lablinking(), title="another"))
     play_again(trial.steps, again)
     assert [(step.kind, step.key, step.seconds) for step in again.steps] == [

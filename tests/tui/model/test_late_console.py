@@ -53,7 +53,7 @@ def played(tmp_path: Path) -> Trial:
         trial.submit(Submit(function="raiseEventTopic", behavior=kept, source=SOURCE))
     trial.mark_cue()
     trial.start_rule("Ask")
-    trial.let_pass(6.0)
+    trial.pass_time(6.0)
     trial.mark_cue()
     return trial
 

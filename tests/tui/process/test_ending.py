@@ -84,7 +84,7 @@ def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() ->
         writing.start()
         writing.join(TerminalWriter.PATIENCE + 0.5)
         assert writing.is_alive() and not writer.is_gone
-        writer.hurry()
+        writer.end_quickly()
         writing.join(5)
         assert not writing.is_alive() and writer.is_gone
         os.close(writer.fileno())

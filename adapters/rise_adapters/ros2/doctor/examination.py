@@ -59,7 +59,7 @@ def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
     for sentence in graph_checks.describe_strangers(transport):
         yield DoctorFinding("warning", "graph", sentence)
     for topic in transport.topics():
-        for sentence in graph_checks.describe_topic_misfits(transport, topic):
+        for sentence in graph_checks.describe_topic_mismatches(transport, topic):
             yield DoctorFinding("warning", "graph", sentence, "make both the same")
 
 

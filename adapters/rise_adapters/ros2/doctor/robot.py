@@ -98,19 +98,19 @@ class LiveNames:
             for item in source.items:
                 self._collect(item, action, frame, field)
         elif isinstance(source, FixedSource) and isinstance(source.value, str) and source.value:
-            self._want(field, source.value, action)
+            self._require(field, source.value, action)
         elif (isinstance(source, SpecialSource) and source.name == "frame") or (
             isinstance(source, ParameterSource | PlaceSource) and source.special == "frame"
         ):
-            self._want(_FRAME_FIELDS[0], frame, action)
+            self._require(_FRAME_FIELDS[0], frame, action)
         if isinstance(source, PlaceSource) and source.key == "frame":
             values = dict.fromkeys(source.values.values())
             if source.places - source.values.keys() and source.absent is not NO_VALUE:
                 values[source.absent] = None
             for value in values:
-                self._want(_FRAME_FIELDS[0], str(value), action)
+                self._require(_FRAME_FIELDS[0], str(value), action)
 
-    def _want(self, field: str, name: str, action: str) -> None:
+    def _require(self, field: str, name: str, action: str) -> None:
         if field in _JOINT_FIELDS:
             self._wanted["joint"].setdefault(name, action)
         elif field in _FRAME_FIELDS:
@@ -289,19 +289,19 @@ class _ExpectedEndpoint:
         is_served = self._mapping.kind != "topic"
         lifecycle = self._lifecycle
         found = compatibility.compare(self._transport, self._mapping)
-        for misfit in found.misfits:
-            yield DoctorFinding("problem", "robot", f"{name}: {misfit.sentence}", misfit.remedy)
+        for mismatch in found.mismatches:
+            yield DoctorFinding("problem", "robot", f"{name}: {mismatch.sentence}", mismatch.remedy)
         if number > 1 and is_served:
             several = compatibility.describe_several_servers(number, full)
             yield DoctorFinding("problem", "robot", f"{name}: {several}", "end all but one of them")
-        elif lifecycle.sentence and not found.misfits:
+        elif lifecycle.sentence and not found.mismatches:
             yield DoctorFinding("problem", "robot", f"{name}: {lifecycle.sentence}", lifecycle.remedy)
-        elif number and not found.misfits:
+        elif number and not found.mismatches:
             listens = f"has {number} subscriber{'s' if number > 1 else ''}"
             yield DoctorFinding(
                 "ok", "robot", f"{name}: {full} {f'is offered, as {self._mapping.type}' if is_served else listens}"
             )
-        elif not found.misfits:
+        elif not found.mismatches:
             others = self.names_elsewhere()
             remedy = "" if found.seen else _advise_renaming(full, others) if others else _advise_start(full)
             yield DoctorFinding(

@@ -12,7 +12,7 @@ from math import inf
 from typing import TypeAlias
 
 from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, UNKNOWN
-from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
+from rise_adapters.ros2.compatibility import MISMATCH_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Ending
@@ -23,7 +23,7 @@ from rise_adapters.ros2.transport.port import Message
 REPEAT_SECONDS = 5.0
 """Seconds between requests for a running goal's result. A server that was restarted unnoticed does not know the
 goal."""
-DOUBT_SECONDS = 1.0
+SHORT_REPEAT_SECONDS = 1.0
 """The shorter interval if there is a reason for doubt."""
 UNKNOWN_GRACE = 0.3
 """Seconds that the status topic may take to report the ending of a goal whose result was discarded."""
@@ -71,7 +71,7 @@ class ResultQuery:
 
     def may_doubt(self, now: float) -> bool:
         """Whether the last request is old enough to repeat it when something seems wrong."""
-        return now >= self._requested_at + DOUBT_SECONDS
+        return now >= self._requested_at + SHORT_REPEAT_SECONDS
 
     def next_deadline(self) -> float:
         """The next time to ask again, or to give up."""
@@ -268,7 +268,7 @@ def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
     unknown."""
     if was_sent:
         return "lost", reason
-    return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
+    return "failed", reason if reason.startswith(("server-missing", *MISMATCH_KINDS)) else f"server-missing: {reason}"
 
 
 def describe_missing(endpoint: Endpoint) -> str:

@@ -46,7 +46,7 @@ NO_GOAL = b"\xff" * 16
 """A goal that no server has: any answer about it is a sign of life. (In a cancel, zeros would mean all goals.)"""
 
 
-class OpenOne(Protocol):
+class EndpointGoal(Protocol):
     """An open goal: it has ended for the session, but may still be running."""
 
     action: str
@@ -78,7 +78,7 @@ class _ComparedEndpoint:
         """The result of the last comparison."""
         self.reported_others: object = 0
         """The value of `others` that its goals last got."""
-        self.open: dict[str, OpenOne] = {}
+        self.open: dict[str, EndpointGoal] = {}
         """The open goals that hold it, by action. Meanwhile it gets nothing else."""
         self._transport = transport
         self._mapping = mapping
@@ -152,7 +152,7 @@ class _ComparedEndpoint:
     def trouble(self) -> str:
         """The fault, for a person; empty if it is present and fits."""
         if self.fault in ("unfit", "unheard"):
-            return compatibility.describe_misfits(self.comparison.misfits)
+            return compatibility.describe_mismatches(self.comparison.mismatches)
         if not self.presence.count:
             return compatibility.describe_absence(self.comparison, self._mapping, self.name)
         if self.open and self.presence.is_settled:
@@ -162,15 +162,15 @@ class _ComparedEndpoint:
         return ""
 
     @property
-    def misfit_kind(self) -> str:
-        """The kind of its misfit (`other-version`, ...); empty if it can receive messages."""
+    def mismatch_kind(self) -> str:
+        """The kind of its mismatch (`other-version`, ...); empty if it can receive messages."""
         return self.comparison.unusable[0].kind if self.comparison.unusable else ""
 
     @property
-    def misfit(self) -> str:
+    def mismatch(self) -> str:
         """Why it may receive nothing, as the reason of an action, with the remedy; empty if it may."""
         unusable = self.comparison.unusable
-        return f"{self.misfit_kind}: {compatibility.describe_misfits(unusable)}" if unusable else ""
+        return f"{self.mismatch_kind}: {compatibility.describe_mismatches(unusable)}" if unusable else ""
 
 
 class ActionEndpoint(_ComparedEndpoint):
@@ -267,12 +267,12 @@ class ActionEndpoint(_ComparedEndpoint):
         return since is not None and (heard is None or heard <= since)
 
     @property
-    def misfit_kind(self) -> str:
-        return super().misfit_kind or (f"inactive, {self.lifecycle.state}" if self.fault == "inactive" else "")
+    def mismatch_kind(self) -> str:
+        return super().mismatch_kind or (f"inactive, {self.lifecycle.state}" if self.fault == "inactive" else "")
 
     @property
-    def misfit(self) -> str:
-        return super().misfit or (f"inactive: {self.lifecycle.trouble}" if self.lifecycle.sentence else "")
+    def mismatch(self) -> str:
+        return super().mismatch or (f"inactive: {self.lifecycle.trouble}" if self.lifecycle.sentence else "")
 
     @property
     def fault(self) -> Fault:
@@ -321,14 +321,14 @@ class TopicEndpoint(_ComparedEndpoint):
         """`make_reset`: returns the message that takes back an order, with present values (a base ignores old stamps).
         It gets the goal's name, or an empty text. Raises PortError."""
         super().__init__(label, transport, mapping, clock)
-        self.user: OpenOne | None = None
+        self.user: EndpointGoal | None = None
         """The goal whose order is in force: published last and not taken back."""
-        self.reset_by: OpenOne | None = None
+        self.reset_by: EndpointGoal | None = None
         """The goal whose order was taken back last."""
         self.is_stoppable = mapping.stoppable
         """Whether a message can stop the action."""
         self.is_harmless = mapping.harmless
-        self.unstopped: OpenOne | None = None
+        self.unstopped: EndpointGoal | None = None
         """The goal that published last, if it has ended and nothing can stop it."""
         self._listeners = Listeners(clock.now)
         self._make_reset = make_reset
@@ -375,7 +375,7 @@ class TopicEndpoint(_ComparedEndpoint):
                 nodes.setdefault(end.program, set()).add(end.node)
         return {program: " ".join(sorted(each - {""})) for program, each in nodes.items()}
 
-    def order(self, goal: OpenOne, message: Message) -> frozenset[bytes]:
+    def order(self, goal: EndpointGoal, message: Message) -> frozenset[bytes]:
         """Publish a goal's message, which is now in force. Returns the programs that listen. Raises PortError."""
         self.publisher.publish(message)
         found = self._find_nodes()
@@ -383,12 +383,12 @@ class TopicEndpoint(_ComparedEndpoint):
         self.user, self.reset_by = goal, None
         return frozenset(found)
 
-    def adopt(self, goal: OpenOne) -> None:
+    def adopt(self, goal: EndpointGoal) -> None:
         """Note that the order of an earlier engine is in force."""
         self.user = goal
         self._listeners.adopt()
 
-    def take_back(self, goal: OpenOne) -> None:
+    def take_back(self, goal: EndpointGoal) -> None:
         """Publish the reset, at a goal's end."""
         self.user, self.reset_by = None, goal
         self._taken_back_at = self._clock.now()
@@ -413,13 +413,13 @@ class TopicEndpoint(_ComparedEndpoint):
         if self._listeners.lacks_reset or (is_repeated and self._listeners.present):
             self._publish_reset()
 
-    def release(self, goal: OpenOne) -> None:
+    def release(self, goal: EndpointGoal) -> None:
         """Count the goal's order as over, because a person says so."""
         if self.user is goal or self.reset_by is goal:
             self.user = self.reset_by = None
-            self._listeners.write_off()
+            self._listeners.excuse_absent()
 
-    def is_open(self, goal: OpenOne) -> bool:
+    def is_open(self, goal: EndpointGoal) -> bool:
         """Whether a listener may still carry out the order of an ended goal."""
         return self.user is goal or (self.reset_by is goal and self.is_owed)
 

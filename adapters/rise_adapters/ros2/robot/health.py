@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_adapters.ros2.compatibility import MISFIT_KINDS, SHORT_MISFITS, describe_misfits
+from rise_adapters.ros2.compatibility import MISMATCH_KINDS, MISMATCH_WORDS, describe_mismatches
 from rise_adapters.ros2.robot.endpoints import Endpoint, TopicEndpoint
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import Goal
@@ -24,21 +24,21 @@ class RobotHealth(Struct, frozen=True):
 
     status: Status
     faults: frozenset[tuple[str, str]] = frozenset()
-    """Pairs of an endpoint's label and the kind of its misfit or fault."""
+    """Pairs of an endpoint's label and the kind of its mismatch or fault."""
     open: tuple[OpenGoal, ...] = ()
     """Its open goals."""
 
     def is_news_after(self, before: RobotHealth) -> bool:
-        """Whether to report this state. (For a robot that stays lost: only new misfits and further open goals.)"""
+        """Whether to report this state. (For a robot that stays lost: only new mismatches and further open goals.)"""
         if self.status == "lost" == before.status:
-            return self._misfits() != before._misfits() or not self._open() <= before._open()
+            return self._mismatches() != before._mismatches() or not self._open() <= before._open()
         return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())
 
     def _open(self) -> set[tuple[str, bool]]:
         return {(goal.action, goal.accepted) for goal in self.open}
 
-    def _misfits(self) -> frozenset[tuple[str, str]]:
-        return frozenset(each for each in self.faults if each[1].startswith((*MISFIT_KINDS, "inactive")))
+    def _mismatches(self) -> frozenset[tuple[str, str]]:
+        return frozenset(each for each in self.faults if each[1].startswith((*MISMATCH_KINDS, "inactive")))
 
 
 UNSTEADY_TIMES, UNSTEADY_SECONDS = 3, 30.0
@@ -81,7 +81,7 @@ def assess(
     goals = open_goals(endpoints)
     if transport.failure():
         return RobotHealth("lost", open=goals)
-    faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
+    faults = frozenset((each.label, each.mismatch_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
         return RobotHealth("lost", faults, goals)
     faults |= estop
@@ -130,18 +130,18 @@ def describe(
         return f"the connection to ROS is gone: {failure}"
     if status == "connected":
         return f"{title} on ROS 2 ({transport.about})"
-    misfits = [misfit for each in endpoints for misfit in each.comparison.misfits]
+    mismatches = [mismatch for each in endpoints for mismatch in each.comparison.mismatches]
     troubles = [
-        *([describe_misfits(misfits)] if misfits else []),
+        *([describe_mismatches(mismatches)] if mismatches else []),
         *(each.trouble for each in endpoints if each.fault not in ("", "unfit", "unheard")),
         *([estop.trouble] if estop is not None and estop.fault else []),
     ]
     trouble = "; ".join(dict.fromkeys(troubles))
     if status == "degraded":
         return trouble or "the emergency stop comes and goes"
-    if misfits:
-        kind = misfits[0].kind
-        return f"{kind}: {title} {SHORT_MISFITS[kind]} ({trouble})"
+    if mismatches:
+        kind = mismatches[0].kind
+        return f"{kind}: {title} {MISMATCH_WORDS[kind]} ({trouble})"
     if any(each.fault == "inactive" for each in endpoints):
         return f"inactive: {title} is not active ({trouble})"
     if any(each.presence.was_seen for each in endpoints):

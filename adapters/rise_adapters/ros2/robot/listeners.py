@@ -18,7 +18,7 @@ LEASE_SECONDS = 30.0
 20)."""
 FINDING_SECONDS = 0.5
 """Seconds until a new listener receives everything. It gets earlier messages again."""
-_SOMEBODY = b"somebody"
+_UNKNOWN_PROGRAM = b"somebody"
 """The programs that have an order of an earlier engine. Their nodes are unknown."""
 
 
@@ -61,21 +61,21 @@ class Listeners:
         self._ordered |= back
         self._away -= back
         if not (stands or self.is_owed) and all(now >= at + LEASE_SECONDS for at in self._reset_at.values()):
-            self.write_off()
+            self.excuse_absent()
 
     def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
         """Note that the found programs get an order. `stands`: it replaces one that some of them may have missed."""
         self._note_nodes(found)
         if not stands:
-            self.write_off()
+            self.excuse_absent()
         self._came = dict.fromkeys(found, self._now()) | self._came
         self._ordered.update(found)
         self._reset_at.clear()
 
     def adopt(self) -> None:
         """Note that an earlier engine has published an order."""
-        self._ordered.add(_SOMEBODY)
-        self._missed[_SOMEBODY] = self._came[_SOMEBODY] = -inf
+        self._ordered.add(_UNKNOWN_PROGRAM)
+        self._missed[_UNKNOWN_PROGRAM] = self._came[_UNKNOWN_PROGRAM] = -inf
 
     def note_reset(self) -> None:
         """Note that the reset is published."""
@@ -88,7 +88,7 @@ class Listeners:
         """Note that other programs may have published an order."""
         self._reset_at.clear()
 
-    def write_off(self) -> None:
+    def excuse_absent(self) -> None:
         """Stop owing the reset to absent programs. (They get it if they ever return.)"""
         self._away |= self._ordered - self._since.keys()
         self._ordered.clear()
@@ -97,7 +97,7 @@ class Listeners:
     @property
     def have_order(self) -> bool:
         """Whether any program, listening or not, may have an order."""
-        return bool(self._ordered) or _SOMEBODY in self._away
+        return bool(self._ordered) or _UNKNOWN_PROGRAM in self._away
 
     @property
     def lacks_reset(self) -> bool:
@@ -108,12 +108,12 @@ class Listeners:
     def is_owed(self) -> bool:
         """Whether a program has an order, has not received its reset, and no other program has replaced it."""
         missing, received = self._ordered - self._reset_at.keys(), self._reset_at.keys()
-        if _SOMEBODY in missing and not any(self._replaces(each, _SOMEBODY) for each in received):
+        if _UNKNOWN_PROGRAM in missing and not any(self._replaces(each, _UNKNOWN_PROGRAM) for each in received):
             return True
         if any(missed not in self._missed for missed in missing):
             return True
         instead = received | self._missed.keys()
-        for missed in sorted(missing - {_SOMEBODY}, key=self._replaceable_from, reverse=True):
+        for missed in sorted(missing - {_UNKNOWN_PROGRAM}, key=self._replaceable_from, reverse=True):
             found = next((each for each in sorted(instead) if self._replaces(each, missed)), None)
             if found is None:
                 return True
@@ -138,5 +138,5 @@ class Listeners:
     def _replaces(self, each: bytes, missed: bytes) -> bool:
         """Whether a program may have replaced a missing one. (A tool of ROS always has a name.)"""
         nodes, others = (self._nodes.get(one, frozenset()) for one in (missed, each))
-        is_same = missed == _SOMEBODY or bool(nodes & others) or not (nodes or others)
+        is_same = missed == _UNKNOWN_PROGRAM or bool(nodes & others) or not (nodes or others)
         return is_same and self._came[each] > self._came[missed] and self._came[each] >= self._replaceable_from(missed)

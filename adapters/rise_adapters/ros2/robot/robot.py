@@ -56,7 +56,7 @@ MAX_REMEMBERED = 200
 """The number of goals kept to recognise late messages about them."""
 MAX_ERRORS = 20
 """The maximum number of different errors that are logged before a poll succeeds."""
-FAREWELL_SECONDS = 0.5
+CLOSE_DELAY_SECONDS = 0.5
 """Seconds that a client stays open after `close`, so that its last cancel is sent."""
 
 
@@ -279,7 +279,7 @@ class Ros2Robot:
         if self._estop is not None:
             self._estop.close()
         # The middleware could lose a request if its client closed immediately.
-        self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
+        self.clock.call_at(self.clock.now() + CLOSE_DELAY_SECONDS, partial(close_all, self._endpoints))
 
     def switch_transport(self, transport: Transport) -> None:
         """Continue on another transport, because the previous one has failed. Running goals are lost. The owner closes

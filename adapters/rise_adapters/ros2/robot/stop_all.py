@@ -150,7 +150,7 @@ class CancelAll:
         endpoint, own = self.endpoint, self._own_goals()
         presence = endpoint.presence
         if not presence.count:
-            return endpoint.misfit_kind or ("gone" if presence.was_seen else "never seen")
+            return endpoint.mismatch_kind or ("gone" if presence.was_seen else "never seen")
         if self._moved_since:
             return "something was begun there after the stop"
         if presence.count > 1:
@@ -310,4 +310,4 @@ def _why_topic_unconfirmed(topic: TopicEndpoint) -> str:
     """Why a topic has not confirmed, for a person. (`TopicEndpoint.repeat_reset` sends the reset to its listeners.)"""
     if topic.presence.count:
         return "told to stop; a topic gives no answer" if topic.all_received_reset else NOT_HEARD
-    return topic.misfit_kind or ("gone" if topic.presence.was_seen else "never seen")
+    return topic.mismatch_kind or ("gone" if topic.presence.was_seen else "never seen")

@@ -33,8 +33,8 @@ class Waiting:
         held = self._host.why_held()
         slept = suspended_seconds() - self._suspended
         late = self._host.clock.now() + TIMER_TOLERANCE - self.until
-        if endpoint.misfit:
-            return "failed", endpoint.misfit
+        if endpoint.mismatch:
+            return "failed", endpoint.mismatch
         if endpoint.is_ready and not held:
             if late + slept >= MAX_LATE_SECONDS:
                 return endings.of_late_start(late + slept)

@@ -175,7 +175,7 @@ SOURCE = "ros:domain_task"
 
 SLICE_SECONDS = 0.0005
 """Seconds of work in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
-GOODBYE_SECONDS = 1.0
+LAST_MESSAGES_SECONDS = 1.0
 """Seconds for the last messages at the end."""
 GONE_REASON = "the session is not on ROS any more"
 
@@ -199,7 +199,7 @@ class RosSessionInterface:
         self._dropped = 0
         """The number of unpublished records that were noted."""
         self._closed = False
-        self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
+        self._slicer = TimeSlicer(self._run_piece, SLICE_SECONDS)
         self._private = PrivateValues(hub.engine.scenario)
         for key, entry in hub.view.memory.items():  # of a recovered session
             self._private.note_memory(key, entry.value)
@@ -221,14 +221,14 @@ class RosSessionInterface:
         self._timer.cancel()
         self._lag.close()
         self._slicer.cancel()
-        self._slicer.run_slice(GOODBYE_SECONDS)
+        self._slicer.run_slice(LAST_MESSAGES_SECONDS)
         self._publish_diagnostics()
         await self._tasks.close(GONE_REASON)
         for handle in (self._memory, self._topics, self._diagnostics):
             handle.close()
         self._hub.detach(self._client)
 
-    def _work(self) -> bool:
+    def _run_piece(self) -> bool:
         """Do one piece of each kind of work, so that none delays another."""
         did_task = self._tasks.work()
         return self._topics.publish_next() or did_task

@@ -37,12 +37,12 @@ _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
 _COUNT = struct.Struct("<I")
 
 Write: TypeAlias = Callable[[bytearray, Any], None]
-"""Appends a value to the bytes. Raises `_FieldMisfit`."""
+"""Appends a value to the bytes. Raises `_FieldMismatch`."""
 Read: TypeAlias = Callable[[bytes, int], tuple[Any, int]]
 """Returns the value at a position, and the next position. Raises struct.error or ValueError if bytes are missing."""
 
 
-class _FieldMisfit(PortError):
+class _FieldMismatch(PortError):
     """A value that does not fit. Each caller adds its part of the field's path."""
 
     def __init__(self, sentence: Callable[[str], str]) -> None:
@@ -50,7 +50,7 @@ class _FieldMisfit(PortError):
         self._sentence = sentence
         self._path = ""
 
-    def within(self, field: str) -> _FieldMisfit:
+    def within(self, field: str) -> _FieldMismatch:
         self._path = field + ("." if self._path and self._path[0] != "[" else "") + self._path
         return self
 
@@ -58,8 +58,8 @@ class _FieldMisfit(PortError):
         return self._sentence(self._path)
 
 
-def _misfit(what: str) -> _FieldMisfit:
-    return _FieldMisfit(lambda path: f"{f'the field {path!r}' if path else 'the message'} takes {what}")
+def _mismatch(what: str) -> _FieldMismatch:
+    return _FieldMismatch(lambda path: f"{f'the field {path!r}' if path else 'the message'} takes {what}")
 
 
 class _FieldCodec(NamedTuple):
@@ -127,10 +127,10 @@ def _message_codec(type: str, fields: dict[str, _FieldCodec]) -> _FieldCodec:
 
     def write(out: bytearray, message: Any) -> None:
         if not isinstance(message, dict):
-            raise _misfit(f"the fields of a {type}, not {message!r:.80}")
+            raise _mismatch(f"the fields of a {type}, not {message!r:.80}")
         if not message.keys() <= known:
             wrong = next(name for name in message if name not in known)
-            raise _FieldMisfit(
+            raise _FieldMismatch(
                 lambda path: (
                     f"{type} has no field {wrong!r}{f' ({path})' if path else ''}; it has {', '.join(known) or 'none'}"
                 )
@@ -140,8 +140,8 @@ def _message_codec(type: str, fields: dict[str, _FieldCodec]) -> _FieldCodec:
         for name, write_field, zero in writers:
             try:
                 write_field(out, message.get(name, zero))
-            except _FieldMisfit as misfit:
-                raise misfit.within(name) from None
+            except _FieldMismatch as mismatch:
+                raise mismatch.within(name) from None
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
         message = {}
@@ -162,11 +162,11 @@ def _number_codec(base: str) -> _FieldCodec:
         try:
             out += pack(value)
         except _NO_NUMBERS:
-            raise _misfit(f"{kind} ({base}), not {value!r:.80}") from None
+            raise _mismatch(f"{kind} ({base}), not {value!r:.80}") from None
 
     def write_truth(out: bytearray, value: Any) -> None:
         if value not in (True, False):
-            raise _misfit(f"true or false, not {value!r:.80}")
+            raise _mismatch(f"true or false, not {value!r:.80}")
         out.append(bool(value))
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
@@ -179,15 +179,15 @@ def _number_codec(base: str) -> _FieldCodec:
 def _text_codec(type: InterfaceFieldType) -> _FieldCodec:
     def write(out: bytearray, value: Any) -> None:
         if not isinstance(value, str):
-            raise _misfit(f"a text, not {value!r:.80}")
+            raise _mismatch(f"a text, not {value!r:.80}")
         if "\0" in value:
-            raise _misfit("a text without zero characters")
+            raise _mismatch("a text without zero characters")
         try:
             octets = value.encode()
         except UnicodeEncodeError:
-            raise _misfit(f"a text that UTF-8 can hold, not {value!r:.80}") from None
+            raise _mismatch(f"a text that UTF-8 can hold, not {value!r:.80}") from None
         if type.length and len(octets) > type.length:
-            raise _misfit(f"a text of at most {type.length} bytes, not {len(octets)}")
+            raise _mismatch(f"a text of at most {type.length} bytes, not {len(octets)}")
         _write_count(out, len(octets) + 1)
         out += octets
         out.append(0)
@@ -209,9 +209,9 @@ def _list_codec(type: InterfaceFieldType, element: _FieldCodec) -> _FieldCodec:
 
     def write(out: bytearray, values: Any) -> None:
         if isinstance(values, str) or not hasattr(values, "__len__") or not hasattr(values, "__iter__"):
-            raise _misfit(f"a list ({type}), not {values!r:.80}")
+            raise _mismatch(f"a list ({type}), not {values!r:.80}")
         if len(values) != fixed if fixed is not None else type.count and len(values) > type.count:
-            raise _misfit(f"{'exactly' if fixed is not None else 'at most'} {type.count} values, not {len(values)}")
+            raise _mismatch(f"{'exactly' if fixed is not None else 'at most'} {type.count} values, not {len(values)}")
         if fixed is None:
             _write_count(out, len(values))
         if plain and len(values):
@@ -222,8 +222,8 @@ def _list_codec(type: InterfaceFieldType, element: _FieldCodec) -> _FieldCodec:
         for index, value in enumerate(values):
             try:
                 element.write(out, value)
-            except _FieldMisfit as misfit:
-                raise misfit.within(f"[{index}]") from None
+            except _FieldMismatch as mismatch:
+                raise mismatch.within(f"[{index}]") from None
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
         count, at = (fixed, at) if fixed is not None else _read_count(data, at)

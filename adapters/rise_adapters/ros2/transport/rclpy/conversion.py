@@ -66,7 +66,7 @@ class MessageConverter:
     def write(self, message: Any, path: str = "") -> Any:
         """Convert plain values to a message of rclpy. Raises PortError if they do not fit."""
         if not isinstance(message, Mapping):
-            raise _misfit(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
+            raise _mismatch(path, f"{self.type} is written as its fields by name, not as {_shorten(message)}")
         written = self._maker()
         for name, zero in self._zero.items():
             if name not in message:
@@ -75,7 +75,7 @@ class MessageConverter:
             write = self._write.get(name)
             if write is None:
                 known = ", ".join(self._write) or "no fields"
-                raise _misfit(path, f"{self.type} has no field {name!r}; it has {known}")
+                raise _mismatch(path, f"{self.type} has no field {name!r}; it has {known}")
             setattr(written, name, write(value, f"{path}.{name}" if path else name))
         return written
 
@@ -101,9 +101,9 @@ def number_converter(name: str) -> FieldConverter:
 def _integer_writer(name: str, low: int, high: int) -> Write:
     def write(value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
-            raise _misfit(path, f"{name} needs a whole number, not {_shorten(value)}")
+            raise _mismatch(path, f"{name} needs a whole number, not {_shorten(value)}")
         if not low <= value <= high:
-            raise _misfit(path, f"{value} is outside of {name}, which goes from {low} to {high}")
+            raise _mismatch(path, f"{value} is outside of {name}, which goes from {low} to {high}")
         return value
 
     return write
@@ -112,13 +112,13 @@ def _integer_writer(name: str, low: int, high: int) -> Write:
 def _float_writer(name: str) -> Write:
     def write(value: Any, path: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise _misfit(path, f"{name} needs a number, not {_shorten(value)}")
+            raise _mismatch(path, f"{name} needs a number, not {_shorten(value)}")
         try:
             number = float(value)
         except OverflowError:
-            raise _misfit(path, f"{_shorten(value)} is too large for {name}") from None
+            raise _mismatch(path, f"{_shorten(value)} is too large for {name}") from None
         if name == "float32" and isfinite(number) and abs(number) >= _LARGEST_FLOAT32:
-            raise _misfit(path, f"{number:g} is too large for float32")
+            raise _mismatch(path, f"{number:g} is too large for float32")
         return number
 
     return write
@@ -126,7 +126,7 @@ def _float_writer(name: str) -> Write:
 
 def _write_boolean(value: Any, path: str) -> bool:
     if not isinstance(value, bool):
-        raise _misfit(path, f"bool needs true or false, not {_shorten(value)}")
+        raise _mismatch(path, f"bool needs true or false, not {_shorten(value)}")
     return value
 
 
@@ -135,15 +135,15 @@ def text_converter(name: str, most: int | None) -> FieldConverter:
 
     def write(value: Any, path: str) -> str:
         if not isinstance(value, str):
-            raise _misfit(path, f"{text} needs a text, not {_shorten(value)}")
+            raise _mismatch(path, f"{text} needs a text, not {_shorten(value)}")
         if "\0" in value:
-            raise _misfit(path, "a text may not hold the character NUL")
+            raise _mismatch(path, "a text may not hold the character NUL")
         try:
             size = len(value.encode())
         except UnicodeEncodeError:
-            raise _misfit(path, "the text holds half a character (a lone surrogate)") from None
+            raise _mismatch(path, "the text holds half a character (a lone surrogate)") from None
         if most is not None and size > most:
-            raise _misfit(path, f"the text has {size} bytes; {text} takes {most}")
+            raise _mismatch(path, f"the text has {size} bytes; {text} takes {most}")
         return value
 
     return FieldConverter(text, write, str)
@@ -157,7 +157,7 @@ def list_converter(
 
     def check_size(size: int, path: str) -> None:
         if (fixed is not None and size != fixed) or (most is not None and size > most):
-            raise _misfit(path, f"{size} elements do not fit into {text}, which takes {whole}")
+            raise _mismatch(path, f"{size} elements do not fit into {text}, which takes {whole}")
 
     def write_octets(given: Any, path: str) -> bytes:
         if isinstance(given, bytes | bytearray | memoryview):
@@ -169,7 +169,7 @@ def list_converter(
 
     def write_elements(given: Any, path: str) -> list[Any]:
         if not isinstance(given, Sequence) or isinstance(given, str | bytes | bytearray):
-            raise _misfit(path, f"{text} needs a list, not {_shorten(given)}")
+            raise _mismatch(path, f"{text} needs a list, not {_shorten(given)}")
         check_size(len(given), path)
         return [element.write(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
@@ -195,12 +195,12 @@ def list_converter(
 
 def _check_octets(given: Any, path: str, text: str) -> list[int]:
     if not isinstance(given, Sequence) or isinstance(given, str):
-        raise _misfit(path, f"{text} needs bytes, not {_shorten(given)}")
+        raise _mismatch(path, f"{text} needs bytes, not {_shorten(given)}")
     check = _integer_writer("uint8", 0, 255)
     return [check(one, f"{path}[{number}]") for number, one in enumerate(given)]
 
 
-def _misfit(path: str, why: str) -> PortError:
+def _mismatch(path: str, why: str) -> PortError:
     return PortError(f"{path}: {why}" if path else why)
 
 
