@@ -37,7 +37,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("edit", "Editor"),
 )
 
-IN_SHADOW = "this is the shadow of a finished session"
+SHADOW_REASON = "this is the shadow of a finished session"
 Obstacle: TypeAlias = BlockedReason | str | None
 """What blocks an action: a reason of the model, a sentence, or nothing (None or empty)."""
 
@@ -126,17 +126,17 @@ def _shadowed(store: Store) -> Obstacle:
 
 def _configurable(store: Store) -> Obstacle:
     if store.attach_reply.shadow:
-        return IN_SHADOW
+        return SHADOW_REASON
     of_study = "the study decides what runs; start the next session on its screen"
     return _change(store) or (of_study if store.is_of_study else None)
 
 
 def _taking_over(store: Store) -> Obstacle:
-    return IN_SHADOW if store.attach_reply.shadow else _change(store)
+    return SHADOW_REASON if store.attach_reply.shadow else _change(store)
 
 
 def _start_values(store: Store) -> Obstacle:
-    return IN_SHADOW if store.attach_reply.shadow else _savable_values(store)
+    return SHADOW_REASON if store.attach_reply.shadow else _savable_values(store)
 
 
 def _between_sessions(store: Store) -> Obstacle:
@@ -152,7 +152,7 @@ def _in_editor(store: Store) -> Obstacle:
 def _editable(store: Store) -> Obstacle:
     """Blocks editing in a shadow, in a replay and in a scenario without a folder."""
     if store.attach_reply.shadow:
-        return IN_SHADOW
+        return SHADOW_REASON
     return _own_console(store) or (None if store.scenario.folder else "the scenario has no folder")
 
 
@@ -410,9 +410,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
-IN_EDITOR = ("palette", "help", "filter", "theme", "redraw")
+EDITOR_ACTIONS = ("palette", "help", "filter", "theme", "redraw")
 """Actions of the console that also work in the editor."""
-ON_STUDY_SCREEN = (*IN_EDITOR, "edit-study")
+STUDY_SCREEN_ACTIONS = (*EDITOR_ACTIONS, "edit-study")
 """Actions of the console that also work on the screen of a study."""
 
 

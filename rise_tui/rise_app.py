@@ -25,7 +25,7 @@ def takes_text(widget: object) -> bool:
 
 EDITOR = "-editor"
 """The class of the editor's screen. The console recognises it without importing the editor."""
-AT_ONCE = ("stop", "quit")
+IMMEDIATE_ACTIONS = ("stop", "quit")
 """Actions whose keys never wait."""
 
 
@@ -56,7 +56,7 @@ class RiseApp(TerminalApp):
         return themes.DARK.variables
 
     def waits_for_keys(self, event: events.Key) -> bool:
-        return is_editing(self) and all(event.key not in keys_of(BY_ID[id]) for id in AT_ONCE)
+        return is_editing(self) and all(event.key not in keys_of(BY_ID[id]) for id in IMMEDIATE_ACTIONS)
 
     def admits(self, event: events.Event) -> bool:
         """Outside a field, only the first letter of a paste counts as a command."""

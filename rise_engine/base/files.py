@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 BLOCK = 1_000_000
 """Bytes that are written or copied at once."""
-_HELD = frozenset({errno.EAGAIN, errno.EACCES})
+_LOCKED_ERRORS = frozenset({errno.EAGAIN, errno.EACCES})
 _NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF})
 
 # --- locks ----------------------------------------------------------------------------------------------------------
@@ -35,7 +35,7 @@ def take_lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> b
     try:
         fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
     except OSError as error:
-        if error.errno not in _HELD:
+        if error.errno not in _LOCKED_ERRORS:
             raise
         return False
     return True

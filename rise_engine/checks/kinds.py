@@ -37,7 +37,7 @@ from rise_engine.study.review import review_study
 KEPT = ".kinds.json"
 """The file of results in the study's folder; hidden, so that it is not published."""
 _MAX_KEPT = 200
-_EVERYWHERE = frozenset(
+_KINDS_IN_ALL = frozenset(
     {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
 )
 """Findings that hold only if every kind of session that runs the scenario has them."""
@@ -270,7 +270,7 @@ def merge(results: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) ->
     merged: list[MergedFinding] = []
     for (code, _, _), places in same.items():
         first = places[0]
-        if code in _EVERYWHERE:
+        if code in _KINDS_IN_ALL:
             alike = [
                 n
                 for n, exploration in enumerate(results)

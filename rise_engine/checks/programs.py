@@ -198,7 +198,7 @@ def run_program_check(
     first = first_line(end.errors)
     if value or not first:
         return Finding(False, value, how if value else f"{how}, and it said nothing")
-    return Finding(False, reason=f"{how}: {said}")
+    return Finding(False, reason=f"{how}: {first}")
 
 
 def first_line(output: bytes) -> str:

@@ -94,7 +94,7 @@ _LOG = logging.getLogger(__name__)
 
 PROGRAM_SECONDS = 30.0
 LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0, "explored": 60.0}
-OTHER_SECONDS = 15.0
+DEFAULT_LIMIT_SECONDS = 15.0
 """Limit in seconds for a check that only reads files."""
 
 
@@ -102,7 +102,7 @@ def limit_seconds(check: StudyCheck) -> float:
     """Return the maximum seconds of a check: `limit` in study.toml, or the default of its kind."""
     if check.limit is not None:
         return check.limit
-    return LIMITS.get(check.auto, OTHER_SECONDS) if check.auto else PROGRAM_SECONDS
+    return LIMITS.get(check.auto, DEFAULT_LIMIT_SECONDS) if check.auto else PROGRAM_SECONDS
 
 
 async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:

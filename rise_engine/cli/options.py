@@ -63,7 +63,7 @@ def _resolve_session(session: str) -> Path:
         return find_session(session)
 
 
-def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
+def _named_argument(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
     """Make an argument with a name; the command gets the result of `resolve`.
 
     `resolve` ends the command before anything else if the name is unknown.
@@ -81,11 +81,11 @@ def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[
 
 
 FOLDER_OR_NONE = click.argument("folder", metavar="[DIR]", type=click.Path(), required=False)
-SCENARIO = _named("folder", resolve_scenario, metavar="DIR")
-SCENARIO_OR_NONE = _named("folder", resolve_scenario, metavar="[DIR]", required=False)
-STUDY = _named("study", resolve_study_folder, metavar="STUDY")
-STUDY_OR_HERE = _named("study", resolve_study_folder, metavar="STUDY", default=".")
-SESSION = _named("session", _resolve_session)
+SCENARIO = _named_argument("folder", resolve_scenario, metavar="DIR")
+SCENARIO_OR_NONE = _named_argument("folder", resolve_scenario, metavar="[DIR]", required=False)
+STUDY = _named_argument("study", resolve_study_folder, metavar="STUDY")
+STUDY_OR_HERE = _named_argument("study", resolve_study_folder, metavar="STUDY", default=".")
+SESSION = _named_argument("session", _resolve_session)
 STUDIES_OR_SESSIONS = click.argument("named", metavar="STUDY|SESSION...", type=click.Path(), nargs=-1, required=True)
 
 # --- options of many commands -----------------------------------------------------------------------------------------

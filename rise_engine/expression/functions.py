@@ -178,7 +178,7 @@ def _rounding(function: Callable[[float], float]) -> Callable[[float], float]:
     return rounded
 
 
-def _of_numbers(function: Callable[..., float]) -> Callable[..., float]:
+def _nan_if_any_nan(function: Callable[..., float]) -> Callable[..., float]:
     def extreme(*numbers: float) -> float:
         return nan if any(number != number for number in numbers) else function(numbers)
 
@@ -201,8 +201,8 @@ NUMERIC: dict[str, Callable[..., float]] = {
     "floor": _rounding(math.floor),
     "ceil": _rounding(math.ceil),
     "round": _rounding(round),
-    "min": _of_numbers(min),
-    "max": _of_numbers(max),
+    "min": _nan_if_any_nan(min),
+    "max": _nan_if_any_nan(max),
     "exp": _without_errors(math.exp),
     "ln": _logarithm(math.log),
     "log10": _logarithm(math.log10),

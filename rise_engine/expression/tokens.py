@@ -41,7 +41,7 @@ _WORD, _NAMES, _NUMBER, _OPERATOR, _TEXT, _END, _BAD = range(1, 8)
 _SYNONYMS = {"&&": "and", "||": "or", "!": "not", "=": "=="}
 _ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "/": "/", "\\": "\\", '"': '"', "'": "'"}
-_MEANT = {
+_INTENDED_OPERATORS = {
     "&": "and",
     "|": "or",
     "=": "=",
@@ -247,7 +247,7 @@ def _bad_character(text: str, character: str, start: int) -> ExpressionError:
             f"the accent of `{text[start - 1 : start + 1]}` is a character of its own", text, column, hint
         )
     shown = f"`{character}`" if character.isprintable() else f"The invisible character U+{ord(character):04X}"
-    meant = _MEANT.get(character, "")
+    meant = _INTENDED_OPERATORS.get(character, "")
     usual = f"write `{meant}`" if meant else "a key has only letters, digits, `_` and dots"
     suggestion = Correction(character, meant) if meant else None
     return ExpressionError(f"{shown} has no meaning here", text, column, _HINTS.get(character, usual), suggestion)

@@ -9,7 +9,7 @@ from msgspec import Struct
 from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
 from rise_engine.kernel.records import EventRecord, KeptRecord, KeptStatus, TaskStatus
 
-OFFER = EventTopic("kept")
+KEPT_OFFER = EventTopic("kept")
 """Stands in the queue for a kept event that is offered to the rules, together with its task's number."""
 
 
@@ -44,7 +44,7 @@ class KeptEvents(dict[int, KeptEvent]):
             self.take_back(other, "raised again")
         timer = core.set_timer(seconds, TimerTarget("keep", str(task.id)))
         self[task.id] = KeptEvent(task, topic, timer, round(core.t + seconds, 6))
-        core.events.append((OFFER, str(task.id), core.cause))
+        core.events.append((KEPT_OFFER, str(task.id), core.cause))
 
     def offer(self, topics: Container[EventTopic | None], cause: Cause) -> None:
         """Raise the kept events again that a rule now waits for, after the events in the queue."""
@@ -52,7 +52,7 @@ class KeptEvents(dict[int, KeptEvent]):
         for kept in self.values():
             if not kept.is_offered and core.topics.get(kept.topic) in topics:
                 kept.is_offered = True
-                core.events.append((OFFER, str(kept.task.id), cause))
+                core.events.append((KEPT_OFFER, str(kept.task.id), cause))
 
     def stay(self, kept: KeptEvent) -> None:
         """Keep an event that no rule waits for now."""

@@ -26,7 +26,7 @@ from rise_engine.kernel.compiled_rules import (
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
 from rise_engine.kernel.history import ValueBefore, step_before
-from rise_engine.kernel.kept_events import OFFER, KeptEvents
+from rise_engine.kernel.kept_events import KEPT_OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import (
@@ -266,7 +266,7 @@ class RuleMachine:
                 if run is not None and transition is not None:
                     records.append(EventRecord(next(numbers), t, "", topic.with_slash, source, run.name))
                     self._take_transition(run, transition)
-                elif topic is OFFER:
+                elif topic is KEPT_OFFER:
                     self._route_kept(int(source))
                 else:
                     records.append(EventRecord(next(numbers), t, "", topic.with_slash, source, None))
@@ -434,8 +434,8 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the runaway rule, which the chain of causes
-        shows (semantics.md 6.4). Returns whether the step is still taken."""
+        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the runaway rule, which the chain of
+        causes shows (semantics.md 6.4). Returns whether the step is still taken."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # whether the chain began in an earlier input
         runaway = find_runaway_rule(

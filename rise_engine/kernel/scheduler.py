@@ -79,13 +79,13 @@ class Scheduler:
 
     def stop(self, reason: str, act: str | None = None) -> None:
         """Stop every task, running or waiting, or every task of one act."""
-        self._stop_those(lambda task: act is None or _starts_act(task, act), reason)
+        self._stop_matching(lambda task: act is None or _starts_act(task, act), reason)
 
     def stop_started_by(self, source: str, reason: str) -> None:
         """Stop every task, running or waiting, of one source."""
-        self._stop_those(lambda task: task.source == source, reason)
+        self._stop_matching(lambda task: task.source == source, reason)
 
-    def _stop_those(self, is_meant: Callable[[Task], bool], reason: str) -> None:
+    def _stop_matching(self, is_meant: Callable[[Task], bool], reason: str) -> None:
         waiting = [task for task in self.waiting if is_meant(task)]
         running = [run for run in self.runner.runs.values() if is_meant(run.task)]
         for task in waiting:

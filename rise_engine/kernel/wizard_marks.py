@@ -15,7 +15,7 @@ from rise_engine.kernel.speech import act_name
 from rise_engine.scenario.model import Scenario
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
-REMEMBERED = 1000
+MAX_REMEMBERED = 1000
 """The number of acts, and of other tasks of wizards, that can still be marked as mistakes."""
 UNMARKABLE = frozenset({"markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """A wizard's statements about tasks, which cannot be mistakes themselves."""
@@ -51,7 +51,7 @@ class WizardMarks:
         core, acts = self._core, self.state.act_tasks
         task.cue_at, task.key_at, task.accepted_at = core.open_cue_at, core.key_at, core.t
         acts[task.id] = act_name(task)
-        if len(acts) > REMEMBERED:
+        if len(acts) > MAX_REMEMBERED:
             del acts[next(iter(acts))]
         if self._is_filler(task):
             self.state.last_filler = task.behavior
@@ -79,7 +79,7 @@ class WizardMarks:
                 del failed[id]
         if task.status == "ABORTED":
             failed[task.id] = what
-            if len(failed) > REMEMBERED:
+            if len(failed) > MAX_REMEMBERED:
                 del failed[next(iter(failed))]
 
     def forget_failure(self, task: Task) -> None:
@@ -143,7 +143,7 @@ class WizardMarks:
         if task.id in self.state.act_tasks or task.status == "REJECTED" or task.function in UNMARKABLE:
             return
         self.state.other_tasks.append(task.id)
-        if len(self.state.other_tasks) > REMEMBERED:
+        if len(self.state.other_tasks) > MAX_REMEMBERED:
             del self.state.other_tasks[0]
 
     def why_not_mark(self, behavior: str) -> str:

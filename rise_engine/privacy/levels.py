@@ -45,7 +45,7 @@ _PLACE = re.compile(
     r"[^\s,;\"'`]*"
 )
 """The path of a file. ROS names have the same form, so only paths in the usual top folders match."""
-OLDEST = 89
+MAX_SHOWN_AGE = 89
 """Maximum age in years. BIDS replaces higher ages by it, so that age does not identify anybody."""
 _AGES = frozenset({"age", "alter", "edad"})
 """Names of age columns in lower case."""
@@ -241,7 +241,7 @@ def span_at_level(span: CodedSpan, file: CodedFile, level: LevelFilter) -> Coded
 
 
 def cut_age(column: str, value: str) -> str:
-    """Limit a value of participants.csv for shared data: ages above OLDEST become OLDEST.
+    """Limit a value of participants.csv for shared data: ages above MAX_SHOWN_AGE become MAX_SHOWN_AGE.
 
     >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
     ['89', '89', '34', '91']
@@ -249,6 +249,6 @@ def cut_age(column: str, value: str) -> str:
     if column.casefold() not in _AGES:
         return value
     try:
-        return str(OLDEST) if float(value) > OLDEST else value
+        return str(MAX_SHOWN_AGE) if float(value) > MAX_SHOWN_AGE else value
     except ValueError:
         return value

@@ -20,9 +20,9 @@ from rise_engine.kernel.speech import SAY
 from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.speech.template import spoken_text
 
-WITHIN_WORDS = 3
+MIN_LETTERS_WITHIN = 3
 """Minimum number of letters of a value that is also found within longer words (`Anna` in `Annas`)."""
-WITHIN_NUMBERS = 5
+MIN_DIGITS_WITHIN = 5
 """The same for values without letters: a telephone number is recognisable anywhere, `34` is not."""
 _VALUE_FIELDS = frozenset({"value", "old"})
 _UNSPACED = "\u2e80"
@@ -122,7 +122,7 @@ class PrivateValues:
             )
         if isinstance(value, int | float) and not isinstance(value, bool):
             text = spoken_text(value)
-            known = len(text) >= WITHIN_NUMBERS and text in self._values
+            known = len(text) >= MIN_DIGITS_WITHIN and text in self._values
             return stand_in(self._values[text], value) if known else value
         if isinstance(value, list | tuple):
             return [self.replace_values(each, stand_in) for each in value]
@@ -197,7 +197,7 @@ class PrivateValues:
     def _note_value(self, key: str, value: Any) -> None:
         for text in _texts(value):
             text = " ".join(text.split())
-            names = [each for each in _NAME.findall(text) if each[0].isupper() and len(each) >= WITHIN_WORDS]
+            names = [each for each in _NAME.findall(text) if each[0].isupper() and len(each) >= MIN_LETTERS_WITHIN]
             for each in (text, *names):
                 if len(each) > 1 and any(map(str.isalnum, each)) and each not in self._values:
                     self._values[each] = self._slots[key]
@@ -208,7 +208,7 @@ class PrivateValues:
         self._order = [self._values[each] for each in ordered]
         parts = []
         for each in ordered:
-            within = len(each) >= (WITHIN_WORDS if any(map(str.isalpha, each)) else WITHIN_NUMBERS)
+            within = len(each) >= (MIN_LETTERS_WITHIN if any(map(str.isalpha, each)) else MIN_DIGITS_WITHIN)
             within = within or max(each) >= _UNSPACED
             before, after = ("", "") if within else (r"(?<![\w.])", r"(?![\w]|\.\d)")
             parts.append(f"({before}{word_pattern(each)}{after})")

@@ -41,7 +41,7 @@ _OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocki
 _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
 """Fields of inputs that the program writes, not people."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
-_OF_STUDY = frozenset({"participant", "condition", "factors", "study"})
+_STUDY_FIELDS = frozenset({"participant", "condition", "factors", "study"})
 """Fields of inputs and session.toml that identify the session in a study and are not texts."""
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
 _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
@@ -136,7 +136,7 @@ class _Redaction:
         info = read_info(self._folder, compare=False)  # an interrupted redaction changed only one of the two
         if info.study:
             self._refuse_pseudonym(info)
-            self._fixed = _FIXED_FIELDS | _OF_STUDY
+            self._fixed = _FIXED_FIELDS | _STUDY_FIELDS
         try:
             self._disk.write_new(self._new, self._new_lines(contents, info))
             self._prove_replay(info)

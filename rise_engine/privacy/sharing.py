@@ -290,7 +290,7 @@ def _remove(folder: Path) -> None:
 
 
 _FIRST_NUMBER = 90_001
-"""Five digits, so that it is also found within longer words (`private_values.WITHIN_NUMBERS`)."""
+"""Five digits, so that it is also found within longer words (`private_values.MIN_DIGITS_WITHIN`)."""
 _LITERAL = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|(?<![\w.])(?:\d+\.\d+|\d{2,})(?!\w)""")
 """A text, or a number of at least two digits, in an expression."""
 _NO_NAME = re.compile(r"[^A-Za-z0-9]+")
@@ -378,10 +378,10 @@ class StandIns:
         """Return the stand-in. A number gets a number, with which a scenario can compute; a changed result is noticed.
         Each word of a text gets a word, so that a first name has the same stand-in alone and in the full name."""
         if isinstance(found, str):
-            return " ".join(str(self._give(slot, word.casefold(), number=False)) for word in found.split())
-        return self._give(slot, f"{found:g}", number=True)
+            return " ".join(str(self._assign(slot, word.casefold(), number=False)) for word in found.split())
+        return self._assign(slot, f"{found:g}", number=True)
 
-    def _give(self, slot: str, found: str, *, number: bool) -> str | int:
+    def _assign(self, slot: str, found: str, *, number: bool) -> str | int:
         known = (number, found)
         if known not in self._given:
             count = len(self._given)

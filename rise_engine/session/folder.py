@@ -244,7 +244,7 @@ def _read_info(folder: Path) -> SessionInfo:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
 
-def spoken_as(info: SessionInfo) -> dict[str, Any]:
+def speech_arguments(info: SessionInfo) -> dict[str, Any]:
     """Return the arguments of `load` for the spoken texts of this session."""
     return {"language": info.language or None, "allow_untranslated": info.allow_untranslated}
 
@@ -264,7 +264,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    loaded = load_copy(copy, robot=info.robot, mode=info.mode, **spoken_as(info))
+    loaded = load_copy(copy, robot=info.robot, mode=info.mode, **speech_arguments(info))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

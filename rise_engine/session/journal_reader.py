@@ -42,7 +42,7 @@ _PROGRESS_LINES = 1_000
 """Lines between two checks of the clock."""
 PROGRESS_SECONDS = 0.5
 """Seconds between two sentences."""
-_OUT_OF_PLACE = "its number was there before: it is here a second time, or in the wrong place"
+_MISPLACED_LINE = "its number was there before: it is here a second time, or in the wrong place"
 
 
 class ReadingProgress:
@@ -161,7 +161,7 @@ class JournalContents(Struct):
                     if inputs:
                         yield lines[: starts[-1]], inputs
                         del lines[: starts[-1]]
-                    progress.report(lambda: _how_far(self.size, end))
+                    progress.report(lambda: _progress_text(self.size, end))
             except LineError:
                 return
 
@@ -188,7 +188,7 @@ class JournalContents(Struct):
             for number, line, found in _read_valid_lines(file, end, self):
                 yield number, line, found
                 if number % _PROGRESS_LINES == 0:
-                    progress.report(lambda: _how_far(self.size, end))
+                    progress.report(lambda: _progress_text(self.size, end))
             file.seek(self.size)
             self.torn = file.read(end - self.size)
         if self.size == 0:
@@ -265,11 +265,11 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
             suspect[number] = str(error)
             continue
         if isinstance(found, InputLine):
-            problem = _OUT_OF_PLACE if found.n <= contents.last_input else ""
+            problem = _MISPLACED_LINE if found.n <= contents.last_input else ""
         elif isinstance(found, JournalHeader):
             problem = "it is a second header" if number > 1 else ""
         else:
-            problem = _OUT_OF_PLACE if found.seq <= contents.last_seq else ""
+            problem = _MISPLACED_LINE if found.seq <= contents.last_seq else ""
         if problem:
             suspect[number] = problem
             continue
@@ -295,7 +295,7 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
         yield number, line, found
 
 
-def _how_far(read: int, size: int) -> str:
+def _progress_text(read: int, size: int) -> str:
     return f"reading the record: {read / 1e6:,.0f} of {size / 1e6:,.0f} MB"
 
 

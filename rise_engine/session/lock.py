@@ -31,9 +31,9 @@ HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
 """Number and interval of attempts. Programs that test for a running session, or begin one, hold the lock for a
 moment."""
-RUNS = 20
+MAX_LOCK_TRIES = 20
 """Number of attempts with an exclusive lock after which the holder must be an engine."""
-ONE_MACHINE = frozenset(
+LOCAL_FILE_SYSTEMS = frozenset(
     {
         *("bcachefs", "btrfs", "ext2", "ext3", "ext4", "f2fs", "jfs", "reiserfs", "xfs", "zfs"),
         *("aufs", "ecryptfs", "overlay", "ramfs", "rootfs", "tmpfs"),
@@ -93,7 +93,7 @@ class JournalLock:
         self._note = journal.with_name(HOLDER_FILE)
         self._descriptor, locked = _acquire(journal)
         before = read_holder(journal.parent)
-        trusted = locked and (before is None or before.is_this_computer or file_system(journal) in ONE_MACHINE)
+        trusted = locked and (before is None or before.is_this_computer or file_system(journal) in LOCAL_FILE_SYSTEMS)
         if before is not None and not trusted and not here:
             os.close(self._descriptor)
             raise SessionError(_elsewhere_message(journal.parent, before))
@@ -265,7 +265,7 @@ def _acquire(journal: Path) -> tuple[int, bool]:
             raise SessionError(f"{journal} cannot be locked: {error_message(error)}") from None
         os.close(descriptor)
         alone += is_locked(journal)
-        if alone == RUNS:
+        if alone == MAX_LOCK_TRIES:
             break
         time.sleep(TRY_SECONDS)
     raise JournalLockedError(journal.parent, read_holder(journal.parent))

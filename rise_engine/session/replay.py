@@ -22,7 +22,7 @@ from rise_engine.kernel.inputs import TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import JOURNAL, SessionInfo, read_info, spoken_as
+from rise_engine.session.folder import JOURNAL, SessionInfo, read_info, speech_arguments
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import load_session_scenario, offer_changed
@@ -366,7 +366,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
 def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
     """Load a scenario that the caller named. It keeps the recorded name, because only its behaviour is compared."""
-    loaded = load(path, robot=info.robot, mode=info.mode, **spoken_as(info))
+    loaded = load(path, robot=info.robot, mode=info.mode, **speech_arguments(info))
     if loaded.scenario is None:
         raise SessionError(f"the scenario {path} does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

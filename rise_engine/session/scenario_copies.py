@@ -20,7 +20,7 @@ from rise_engine.kernel.inputs import AnyInput, ScenarioChanged
 from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import SCENARIO_COPY, SessionInfo, load_scenario_copy, read_info, spoken_as
+from rise_engine.session.folder import SCENARIO_COPY, SessionInfo, load_scenario_copy, read_info, speech_arguments
 
 
 def copy_folders(folder: Path) -> list[Path]:
@@ -60,7 +60,7 @@ def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> 
     try:
         return load_scenario_copy(folder, info)
     except SessionError as error:
-        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode, **spoken_as(info))
+        loaded = load(info.scenario_folder, robot=info.robot, mode=info.mode, **speech_arguments(info))
         found = loaded.scenario
         if found is None or found.hash != info.scenario_hash:
             raise SessionError(
@@ -85,7 +85,7 @@ def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) ->
     if Path(input.copy).name != input.copy or not copy.is_dir():
         raise SessionError(f"the files that this session has taken over are missing ({copy})")
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    spoken = spoken_as(read_info(folder))
+    spoken = speech_arguments(read_info(folder))
     loaded = load(copy, robot=before.robot.name, mode=before.mode, paths=paths, **spoken)
     if loaded.scenario is None:
         raise SessionError(f"the files that this session has taken over do not load: {loaded.errors[0]}")

@@ -17,7 +17,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
-from rise_engine.study.checks import check_text, skip_problem, still_good
+from rise_engine.study.checks import check_text, reuse_result, skip_problem
 from rise_engine.study.model import (
     LANGUAGE,
     Participant,
@@ -33,7 +33,7 @@ from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyStatus
 
-WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
+PARTICIPANT_PURPOSES: frozenset[Purpose] = frozenset({"counted", "pilot"})
 """Purposes of sessions with a participant, who must have consented."""
 
 
@@ -166,7 +166,7 @@ def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[St
     ]
 
 
-def to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
+def sessions_to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
     """Return the unfinished sessions that a new session gives up. Rehearsals never block a session."""
     return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
 
@@ -198,10 +198,10 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
         raise CannotBegin(*problems, running=bool(running))
     if standing.state == "unfinished" and not problems:
         unfinished = next(each for each in standing.sessions if each.status == "unfinished")
-        raise CannotBegin(_hindrance(standing), unfinished=unfinished)
+        raise CannotBegin(_why_not_begin(standing), unfinished=unfinished)
     if not may_begin:
         if standing.state != "running":
-            problems.append(_hindrance(standing))
+            problems.append(_why_not_begin(standing))
     elif missing := missing_consent(study, participant):
         problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")
     planned = _planned_run(state, participant, standing, request, problems) if state.plan else None
@@ -274,7 +274,7 @@ def _find_participant(
     return found
 
 
-def _hindrance(standing: ParticipantStanding) -> str:
+def _why_not_begin(standing: ParticipantStanding) -> str:
     """Return a sentence why the participant cannot begin."""
     name = standing.participant
     match standing.state:
@@ -307,7 +307,7 @@ def check_problems(state: StudyStatus, reports: Sequence[CheckReport]) -> list[s
         if check.when != "before" or not check.blocks:
             continue
         if report is None:
-            if not still_good(check, state.log, now).good_since:
+            if not reuse_result(check, state.log, now).good_since:
                 problems.append(f"the check `{check.id}` was not made: {check_text(check)}")
         elif report.result == "failed":
             reason = f": {report.reason or report.value}" if report.reason or report.value else ""
@@ -324,7 +324,7 @@ def _plan_rehearsal(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     if running := running_problem(state, name):
         problems.append(running)
     participant: Participant | None = None
-    if request.purpose in WITH_PERSON:
+    if request.purpose in PARTICIPANT_PURPOSES:
         participant = _find_participant(state, name, problems)
         if participant is not None and (missing := missing_consent(study, participant)):
             problems.append(f"{name} has not consented: {' and '.join(missing)} of participants.csv has no date")

@@ -121,7 +121,7 @@ AUTOMATIC: dict[str, str] = {
     "explored": "in this condition and language, exploring found nothing that gets stuck or fails",
 }
 """What each automatic check confirms, in words for screens and records."""
-OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
+PARTICIPANT_CHECKS = frozenset({"consent", "participant"})
 """Checks of one participant. They say nothing about the next one, so `every` does not apply, and they cannot be skipped
 in a session that counts."""
 
@@ -229,7 +229,7 @@ def _read_every(table: TomlTable, auto: str) -> float | None:
     if seconds is None or seconds <= 0:
         table.report_value("wrong-value", "every", f"`{text}` is not a length of time; write 8 h, 30 d or 1 y")
         return None
-    if auto in OF_THE_PARTICIPANT:
+    if auto in PARTICIPANT_CHECKS:
         message = f'`every` does not go with auto = "{auto}": that one participant passed says nothing about the next'
         table.report_key("check-form", message, "every")
         return None
@@ -285,10 +285,10 @@ def pending_checks(
     :param earlier: the entries of study.jsonl in their order.
     :param now: a time with a time zone.
     """
-    return tuple(still_good(check, earlier, now) for check in study.checks if check.when == when)
+    return tuple(reuse_result(check, earlier, now) for check in study.checks if check.when == when)
 
 
-def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) -> PendingCheck:
+def reuse_result(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) -> PendingCheck:
     """Decide whether an earlier result of a check is still valid: the check has `every`, passed last within that time,
     and had the same text. Later skips do not matter, failures do. Checks of one participant never stay valid.
 
@@ -299,7 +299,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
         for entry in reversed(earlier)
         if entry.kind == "checked" and entry.get("id") == check.id and entry.get("result") != "skipped"
     )
-    last = next(made, None) if check.valid is not None and check.auto not in OF_THE_PARTICIPANT else None
+    last = next(made, None) if check.valid is not None and check.auto not in PARTICIPANT_CHECKS else None
     if check.valid is None or last is None or last.get("result") != "passed" or last.get("text") != check_text(check):
         return PendingCheck(check)
     try:
@@ -313,7 +313,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
 
 def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
     """Return a sentence why a check cannot be skipped with this reason. Empty: it can."""
-    if check.auto in OF_THE_PARTICIPANT and purpose == "counted":
+    if check.auto in PARTICIPANT_CHECKS and purpose == "counted":
         what = "consent" if check.auto == "consent" else "whether the participant may take part"
         return f"{check.id}: {what} cannot be skipped in a session that counts"
     if not reason.strip():

@@ -153,7 +153,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str) -> int |
         problems.append(f"{participant} has withdrawn")
     elif participant in state.places.excluded:
         problems.append(f"{participant} is excluded already: {state.places.excluded[participant]}")
-    if _of(state, participant, "running"):
+    if _sessions_with_status(state, participant, "running"):
         problems.append(f"a session of {participant} is running: end it first")
     if problems:
         raise StudyError(*problems)
@@ -224,5 +224,5 @@ def _check_known(state: StudyStatus, participant: str) -> None:
         raise StudyError(f"the study knows no participant {participant!r}{near}")
 
 
-def _of(state: StudyStatus, participant: str, status: str) -> list[StudySession]:
+def _sessions_with_status(state: StudyStatus, participant: str, status: str) -> list[StudySession]:
     return [each for each in state.sessions if (each.entry.participant, each.entry.status) == (participant, status)]

@@ -179,40 +179,40 @@ def _read_study_id(study: Path, changed: tuple[int, int]) -> str:
         return ""
 
 
-def _outcome_differences(folder: Path, entries: Sequence[LogEntry]) -> Iterator[str]:
+def _outcome_differences(folder: Path, found: Sequence[LogEntry]) -> Iterator[str]:
     """Report outcomes in the log that do not follow from the session's journal.
 
     The log begins with the journal's last outcome, if there is one. Each later entry is a correction with a reason.
 
-    :param entries: the session's outcomes in the log.
+    :param found: the session's outcomes in the log.
     """
-    if not entries:
+    if not found:
         return
     judged = read_verdict(folder).report
-    if judged is not None and entries[0].get("status") != judged.status:
+    if judged is not None and found[0].get("status") != judged.status:
         yield (
-            f'{LOG_FILE}, line {entries[0].line}, says status = "{entries[0].get("status")}", but {JOURNAL} says '
+            f'{LOG_FILE}, line {found[0].line}, says status = "{found[0].get("status")}", but {JOURNAL} says '
             f'status = "{judged.status}"'
         )
-    reason = str(entries[0].get("reason") or "")
+    reason = str(found[0].get("reason") or "")
     if judged is not None and reason != judged.reason and WITHDRAWN_PREFIX not in reason:
         yield (
-            f'{LOG_FILE}, line {entries[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
+            f'{LOG_FILE}, line {found[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
         )
-    for each in entries[1:]:
+    for each in found[1:]:
         if not str(each.get("reason") or "").strip():
             yield f"{LOG_FILE}, line {each.line}, corrects the outcome and gives no reason"
 
 
-def _end_differences(folder: Path, entries: Sequence[LogEntry]) -> Iterator[str]:
+def _end_differences(folder: Path, ends: Sequence[LogEntry]) -> Iterator[str]:
     """Report a journal that ends earlier than the log's first outcome, which has the session time of its end."""
-    logged = entries[0].get("seconds") if entries else None
+    logged = ends[0].get("seconds") if ends else None
     if not isinstance(logged, float | int):
         return
     end = read_verdict(folder).seconds
     if end < logged - _ROUNDED:
         yield (
-            f"{LOG_FILE}, line {entries[0].line}, says {logged:.3f} s, {JOURNAL} ends at {end:.3f} s: its end is missing"
+            f"{LOG_FILE}, line {ends[0].line}, says {logged:.3f} s, {JOURNAL} ends at {end:.3f} s: its end is missing"
         )
 
 
@@ -254,7 +254,7 @@ def _log_of(folder: Path) -> Sequence[LogEntry]:
 
 SESSIONS = "sessions"
 """The folder of the sessions within a study's folder."""
-_AWAY = f"It does not count; move it out of {SESSIONS}/"
+_MOVE_ADVICE = f"It does not count; move it out of {SESSIONS}/"
 
 
 def session_folders(folder: Path) -> list[Path]:
@@ -285,12 +285,12 @@ def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
         if not labels.get("wall"):
             if has_dates:
                 copies[name] = (
-                    f"its journal has no dates, as the copies in bundles, and other sessions have them. {_AWAY}"
+                    f"its journal has no dates, as the copies in bundles, and other sessions have them. {_MOVE_ADVICE}"
                 )
             continue
         original = originals.setdefault(encode(labels), name)
         if original != name:
-            copies[name] = f"it is a copy of {original}: both journals begin with the same record. {_AWAY}"
+            copies[name] = f"it is a copy of {original}: both journals begin with the same record. {_MOVE_ADVICE}"
     return copies
 
 

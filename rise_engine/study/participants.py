@@ -178,7 +178,7 @@ class _ParticipantsReader:
         if _ISO_DATE.match(value):
             with suppress(ValueError):
                 return date.fromisoformat(value).isoformat()
-        meant = _other_date(value)
+        meant = _to_iso_date(value)
         message = f"`{value}` is not a date; write {meant or 'year-month-day, as 2026-11-21'}"
         if meant:
             message = f"dates are written year-month-day: `{meant}`, not `{value}` (Excel changes them; format the "
@@ -187,7 +187,7 @@ class _ParticipantsReader:
         return ""
 
 
-def _other_date(text: str) -> str:
+def _to_iso_date(text: str) -> str:
     """Return the ISO date of a date in another form, or an empty text."""
     for form in _OTHER_DATES:
         with suppress(ValueError):

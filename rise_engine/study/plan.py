@@ -197,7 +197,7 @@ def make_plan(study: Study, held: Sequence[Slot] = (), first: int = 1) -> tuple[
         kept = [slot for slot in held if slot.strata == strata]
         made = list(_rows(study, strata, first=number))
         for slot in kept:
-            _take_away(made, slot)
+            _remove_replaced(made, slot)
         plan += kept
         for row in made:
             plan.append(replace(row, slot=number, seed=slot_seed(study, number)))
@@ -246,7 +246,7 @@ def _draw(study: Study, slot: Slot) -> Slot:
     return replace(slot, levels=levels, order=order)
 
 
-def _take_away(rows: list[Slot], held: Slot) -> None:
+def _remove_replaced(rows: list[Slot], held: Slot) -> None:
     """Remove a row that a held one replaces: one of the same cell, and of the same order if possible."""
     same_cell = [row for row in rows if row.levels == held.levels] or rows[:1]
     if same_cell:
@@ -326,7 +326,7 @@ def _level_names(factor: Factor) -> list[str]:
 
 # --- minimisation -----------------------------------------------------------------------------------------------------
 
-BEST_OUT_OF = (4, 5)
+BEST_CELL_ODDS = (4, 5)
 """How often the best-balancing cell is taken (4 of 5). If always, its choice could be predicted from the others."""
 
 
@@ -365,5 +365,5 @@ def cell_for(
     best = [cell for cell, total in zip(every, totals, strict=True) if total == least]
     rest = [cell for cell, total in zip(every, totals, strict=True) if total != least]
     chance = Chance(slot.seed, "minimise")
-    takes_best = chance.integer_below(BEST_OUT_OF[1]) < BEST_OUT_OF[0]
+    takes_best = chance.integer_below(BEST_CELL_ODDS[1]) < BEST_CELL_ODDS[0]
     return dict(chance.choose(best if takes_best or not rest else rest))

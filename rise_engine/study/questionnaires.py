@@ -28,7 +28,7 @@ FACTOR_PREFIX = "factor_"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 _KEYS = ("about", "file", "key", "run", "columns", "leave_out")
-_OF_ITEM = ("about", "levels")
+_ITEM_KEYS = ("about", "levels")
 _QUALTRICS = '{"ImportId"'
 """The start of every cell in the third line of a Qualtrics file, whose second line has the questions."""
 
@@ -116,7 +116,7 @@ def _read_columns(table: TomlTable) -> dict[str, ItemDescription]:
         item = columns.subtable(name, f'`{name}` is a text, or a table: {name} = {{ about = "...", levels = {{ }} }}')
         if item is None:
             continue
-        item.report_unknown_keys(_OF_ITEM)
+        item.report_unknown_keys(_ITEM_KEYS)
         levels = item.section("levels")
         texts = {level: levels.read(level, str, "", form=f': {level} = "not at all"') for level in levels.values}
         found[name] = ItemDescription(item.read("about", str, "", form=': about = "..."'), texts)

@@ -58,7 +58,7 @@ _OWN_KEYS = ("lsl", "sync", "folder", "consent")
 _COMMON_OPTIONS = ("by", "stalled")
 SHORTEST_STALL, LONGEST_STALL = 3.0, 3600.0
 """Seconds."""
-_TAKEN = frozenset({"lsl", "marks", "recorders"})
+_RESERVED_NAMES = frozenset({"lsl", "marks", "recorders"})
 """Names that records already use for other sources of failures."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}\Z")
 _CONSENT = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
@@ -102,7 +102,7 @@ def _read_recorder(table: TomlTable, name: str) -> RecorderSettings | None:
     if not _NAME.match(name):
         message = f"a recorder has a name of letters, digits, `_` and `-`, beginning with a letter, not `{name}`"
         table.report_key("bad-name", message, name)
-    elif name in _TAKEN:
+    elif name in _RESERVED_NAMES:
         table.report_key("bad-name", f"records call something else `{name}`; take another name", name)
     settings = TomlTable(table.file, (*table.path, name), values, table.diagnostics)
     driver = settings.read("by", str, name, form=': by = "ffmpeg"')

@@ -45,8 +45,8 @@ from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals, is_withdrawn, returned_sessions
 from rise_engine.study.verdict import check_results, read_verdict
 
-_OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
-_OF_PLAN = frozenset({"strata", "factors", "assignment"})
+_PARTICIPANT_TABLES = frozenset({"strata", "consent", "participants"})
+_PLAN_TABLES = frozenset({"strata", "factors", "assignment"})
 """Tables of study.toml that other files depend on. If they have errors, the other files are not checked."""
 
 
@@ -83,7 +83,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
     found = list(loaded.diagnostics)
     omitted: list[str] = []
     people = ParticipantsLoad((), [])
-    if loaded.unsure & _OF_PARTICIPANTS:
+    if loaded.unsure & _PARTICIPANT_TABLES:
         omitted.append(PARTICIPANTS_FILE)
     else:
         people = load_participants(study)
@@ -92,14 +92,14 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
     check_languages(study, people.participants, loaded.scenarios, of_languages)
     found += of_languages.sorted()
     plan = PlanLoad(None, [])
-    if loaded.unsure & _OF_PLAN:
+    if loaded.unsure & _PLAN_TABLES:
         omitted += [PLAN_FILE] if (Path(study.folder) / PLAN_FILE).exists() else []
     else:
         plan = read_plan(study)
         found += plan.diagnostics
     entries, of_log = _review_log(loaded, people, plan, omitted)
     found += of_log
-    if not loaded.unsure & (_OF_PARTICIPANTS | {"questionnaire"}):
+    if not loaded.unsure & (_PARTICIPANT_TABLES | {"questionnaire"}):
         found += _review_questionnaires(study, people, entries)
     return StudyReview(
         study=loaded.study,
@@ -144,7 +144,7 @@ def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
     if STUDY_FILE not in files:
         return []
     loaded = load_study(folder, check_scenarios=False, held=files)
-    if loaded.draft is None or loaded.unsure & _OF_PARTICIPANTS:
+    if loaded.draft is None or loaded.unsure & _PARTICIPANT_TABLES:
         return list(loaded.diagnostics)
     return [*loaded.diagnostics, *load_participants(loaded.draft, files).diagnostics]
 
@@ -164,7 +164,7 @@ def _review_log(
     for sentence in interrupted_withdrawals(folder):
         diagnostics.error("interrupted-withdrawal", SourceLocation(WORK_FOLDER), sentence)
     planned = last_planned(entries)
-    if not loaded.unsure & _OF_PLAN:
+    if not loaded.unsure & _PLAN_TABLES:
         _check_plan(study, planned, plan, diagnostics)
     if planned is None and loaded.study is not None and study.assignment.between == "blocks":
         for problem in block_problems(study, make_plan(study)):

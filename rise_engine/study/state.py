@@ -111,7 +111,7 @@ class StudyStatus(StudyFiles, frozen=True, kw_only=True):
         named = dict.fromkeys(filter(None, (*listed, *logged)))
         return tuple(each for each in named if not is_withdrawn(each, self.log))
 
-    def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
+    def with_outcomes(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
         """Return the state as if these outcomes were in the log."""
         supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
         return _state(self, [*self.log, *supposed]) if supposed else self

@@ -244,13 +244,13 @@ def find_names(study: Path, participant: str) -> list[str]:
         if lines and str(name) == LOG_FILE:  # the names of their folders are already listed
             lines = lines_with(path, is_named_outside_folders)
         if lines:
-            advice = _OF_PEOPLE if str(name) in theirs else _advice(study, name, participant)
+            advice = _WRITTEN_BY_PEOPLE if str(name) in theirs else _advice(study, name, participant)
             found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: {advice}")
     return found
 
 
 _KEPT = "the session was run under this name and reassigned; a session keeps the name that it was run under"
-_OF_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
+_WRITTEN_BY_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
 
 
 def _advice(study: Path, name: Path, participant: str) -> str:
@@ -329,7 +329,7 @@ class Withdrawn(Struct, frozen=True):
     """The number of those who had taken a slot."""
 
 
-def withdrawn_of(log: Iterable[LogEntry]) -> Withdrawn:
+def count_withdrawn(log: Iterable[LogEntry]) -> Withdrawn:
     """Count the withdrawn participants in the log."""
     entries = [each for each in log if each.kind == "withdrawn"]
     return Withdrawn(len(entries), sum(each.get("slot") is not None for each in entries))

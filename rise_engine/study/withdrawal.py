@@ -103,7 +103,7 @@ def withdraw(
     plan = plan_withdrawal(study, participant)
     try:
         with LockedLog(study, disk=disk) as log:
-            work = _take_out(study, participant, log, disk, keep)
+            work = _detach_sessions(study, participant, log, disk, keep)
         nothing = WithdrawalReport(unreached=plan.unreachable)
         report = Erasing(study, work, disk).run() if work is not None else nothing
         erase_leftovers(study, report)
@@ -121,7 +121,7 @@ def withdraw(
 # --- under the log's lock -------------------------------------------------------------------------------------------
 
 
-def _take_out(
+def _detach_sessions(
     study: Path, participant: str, log: LockedLog, disk: Disk, keep: Sequence[dict[str, str]] = ()
 ) -> Path | None:
     """Write the list, move the folders out of `sessions`, and rewrite the log. Returns the folder to erase; None:
@@ -208,7 +208,7 @@ def _export_without(
         return []
     sessions = [str(each) for each in entry.get("sessions") or ()]
     theirs = own | {each for each in sessions if has_name(each, participant) and each not in moved}
-    people = [name if each == participant else each for each in _named(entry)]
+    people = [name if each == participant else each for each in _exported_participants(entry)]
     fields = {"participants": people, "sessions": [each for each in sessions if each not in theirs]}
     return [replace(entry, fields={**entry.fields, **fields})]
 
@@ -228,10 +228,12 @@ def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
     """Whether an entry is about them, including exports of their data, which are erased."""
     sessions = {str(entry.get("session")), str(entry.get("folder")), *Path(str(entry.get("path"))).parts}
-    return entry.get("participant") == participant or participant in _named(entry) or bool(sessions & own)
+    return (
+        entry.get("participant") == participant or participant in _exported_participants(entry) or bool(sessions & own)
+    )
 
 
-def _named(entry: LogEntry) -> list[str]:
+def _exported_participants(entry: LogEntry) -> list[str]:
     """Return the participants in an export."""
     named = entry.get("participants")
     return [each for each in named if isinstance(each, str)] if isinstance(named, list) else []
@@ -305,7 +307,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
         *(WITHDRAWN_PREFIX + hash_pseudonym(plan.participant, str(each.get("salt"))) for each in withdrawn),
     }
     for entry in log:
-        path, names = entry.get("path"), _named(entry)
+        path, names = entry.get("path"), _exported_participants(entry)
         if not isinstance(path, str) or own.isdisjoint(names):
             continue
         if entry.kind == "exported":

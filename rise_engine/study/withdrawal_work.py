@@ -34,7 +34,7 @@ from rise_engine.study.traces import (
 
 _STUDY_FILES = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _PERSONAL_FILES = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
-_OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
+_EXPORT_FILES = (MANIFEST_FILE, "dataset_description.json")
 """The files at the top of a bundle and of a BIDS export. Both contain copies of scenarios."""
 
 
@@ -125,7 +125,7 @@ def _is_of_scenario(path: Path, root: Path) -> bool:
     """Whether the path is in, or contains, a scenario of the study, unlike the copies in an export."""
     if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
         return True
-    return not any((path / name).is_file() for name in _OF_EXPORTS) and any(path.rglob(SCENARIO_FILE))
+    return not any((path / name).is_file() for name in _EXPORT_FILES) and any(path.rglob(SCENARIO_FILE))
 
 
 class WithdrawalPlan(Struct):

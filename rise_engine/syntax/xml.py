@@ -40,7 +40,7 @@ _DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DO
 _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 _USUAL_DECLARATION = re.compile(r"""<\?xml version=["']1\.0["'](?: encoding=["'][Uu][Tt][Ff]-?8["'])? ?\?>""")
 _PREFIX = re.compile(r"<[^\s<>/!?]*:|(?<=\s)[^\s=/<>\"']*:[^\s=/<>\"']*+\s*+=\s*+[\"']|(?<=\s)xmlns\b")
-_DEEP = 200
+_CHECKED_DEPTH = 200
 """Nesting of elements from which lxml checks them. libxml2 allows 256."""
 _LONG = 40_000
 """Length of a name from which lxml checks it. libxml2 allows 50,000 characters."""
@@ -362,7 +362,7 @@ def _read(tree: XmlTree) -> Element:
     except expat.ExpatError as error:
         found = _ask_lxml(text) or _invalid_name_error(text, data[: max(parser.ErrorByteIndex, 0)], error)
         raise found from None
-    is_doubtful = deepest > _DEEP or _PREFIX.search(text) is not None
+    is_doubtful = deepest > _CHECKED_DEPTH or _PREFIX.search(text) is not None
     is_doubtful |= text.lstrip().startswith("<?xml") and _USUAL_DECLARATION.match(text) is None
     is_doubtful |= len(text) > _LONG and any(
         len(name) > _LONG for each in outside[0].walk() for name in (each.tag, *each.attributes)

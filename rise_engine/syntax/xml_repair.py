@@ -30,7 +30,7 @@ _LEFT_BY_GIT = re.compile(r"(?<![^\n])<{7}(?: [^\r\n]*)?(?=\r?\n|\Z)")
 _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
 _EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
-_FARTHEST = 2000
+_MAX_DISTANCE = 2000
 """Maximum characters in which the end of a value with quotation marks in it is searched."""
 _SHOWN = 300
 """Maximum characters of a corrected text in a message."""
@@ -183,8 +183,8 @@ class _Repairer:
         curly = bool(straight_quote(text[opening : opening + 1]))
         if not curly and text[opening : opening + 1] not in ('"', "'"):
             return -1
-        end = _CURLY_LAST.search(text, opening, opening + _FARTHEST)
-        last = end.start() if end else min(opening + _FARTHEST, len(text))
+        end = _CURLY_LAST.search(text, opening, opening + _MAX_DISTANCE)
+        last = end.start() if end else min(opening + _MAX_DISTANCE, len(text))
         straight = straight_quote(text[opening]) or text[opening]
         for found in _ANY_QUOTE.finditer(text, opening + 1, last):
             if not curly and found.group() == straight:
@@ -221,8 +221,8 @@ class _Repairer:
         first = end = text.find(quote, start)
         if end < 0 or _RUNS_ON.search(text, start, end):
             return -1
-        line_end = _LINE_END.search(text, end, end + _FARTHEST)
-        last = line_end.start() if line_end else min(end + _FARTHEST, len(text))
+        line_end = _LINE_END.search(text, end, end + _MAX_DISTANCE)
+        last = line_end.start() if line_end else min(end + _MAX_DISTANCE, len(text))
         while not _VALUE_ENDS.match(text, end + 1):
             end = text.find(quote, max(end + 1, self.searched_until.get(quote, 0)), last)
             if end < 0:

@@ -23,7 +23,7 @@ from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
 from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal, not_started, read_key_file
 from rise_tui.config.display import (
-    USUAL_FRAMES,
+    DEFAULT_FRAMES,
     DisplayOptions,
     choose_theme,
     detect_colors,
@@ -48,7 +48,7 @@ def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: st
 
     DIR/study.toml opens the design of a study and its participants.
     """
-    display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
+    display = DisplayOptions(theme or "", "auto", mouse == "on", DEFAULT_FRAMES)
     sys.exit(_edit(folder, robot=robot, keys=keys, display=display))
 
 

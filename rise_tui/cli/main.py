@@ -16,7 +16,7 @@ from rise_engine.cli.program import LazyGroup, split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
 from rise_tui.cli.command_line import KEYS, MOUSE, THEME, CommandLine
 from rise_tui.cli.start import start
-from rise_tui.config.display import MAX_FRAMES, USUAL_FRAMES, DisplayOptions
+from rise_tui.config.display import DEFAULT_FRAMES, MAX_FRAMES, DisplayOptions
 
 _COMMANDS = {
     "completions": ("rise_tui.cli.main:completions", "Complete commands with the tab key in your shell."),
@@ -90,7 +90,7 @@ class _Program(LazyGroup):
 @click.option(
     "--fps",
     type=click.IntRange(1, MAX_FRAMES),
-    default=USUAL_FRAMES,
+    default=DEFAULT_FRAMES,
     show_default=True,
     help="Paint the screen at most this many times a second. Use fewer on a slow link.",
 )

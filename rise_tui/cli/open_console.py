@@ -66,7 +66,7 @@ def run_console(
     recorded = options.replay is not None or options.shadow is not None
     ui_state = UiState(kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and not recorded)
     if options.wizard is not None:
-        save_all(ui_state.keep_wizard(options.wizard))
+        save_all(ui_state.save_wizard_name(options.wizard))
     app = ConsoleApp(
         client,
         settings=settings,

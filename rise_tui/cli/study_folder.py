@@ -53,7 +53,7 @@ from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
 """Bytes at the end of a journal that contain its last lines."""
-WATCHED = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
+WATCHED_FILES = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
 """Files of a study that are watched for changes."""
 
 
@@ -113,7 +113,7 @@ class StudyFolder:
 
     def fingerprint(self) -> object:
         """A value that changes when a file changes, a session begins or an engine goes."""
-        stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
+        stamps = [_stamp(Path(self.folder, name)) for name in WATCHED_FILES]
         return stamps, _stamp(self._root), [is_locked(folder / JOURNAL) for folder in self._running]
 
     def _state(self) -> StudyStatus:

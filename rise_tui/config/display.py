@@ -15,7 +15,7 @@ from msgspec.structs import replace
 ColorSystem: TypeAlias = Literal["truecolor", "256", "16", "mono"]
 
 MAX_FRAMES = 60
-USUAL_FRAMES = 15
+DEFAULT_FRAMES = 15
 """Frames a second, enough for a screen that is not filmed. A key still shows immediately."""
 
 _RICH_NAMES: dict[ColorSystem, str] = {"truecolor": "truecolor", "256": "256", "16": "standard", "mono": "standard"}
@@ -29,7 +29,7 @@ class DisplayOptions(Struct, frozen=True):
     """Empty: the last used one."""
     colors: str = "auto"
     mouse: bool = True
-    fps: int = USUAL_FRAMES
+    fps: int = DEFAULT_FRAMES
 
 
 class DetectedColors(NamedTuple):

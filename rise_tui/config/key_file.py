@@ -22,8 +22,8 @@ from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.files.toml_files import TomlFile, read_toml
 from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import KeyBinding, SourceLocation
-from rise_tui.actions import ACTIONS, BY_ID, ON_STUDY_SCREEN, ConsoleAction, textual_keys
-from rise_tui.config.preferences import USUAL_KEYS
+from rise_tui.actions import ACTIONS, BY_ID, STUDY_SCREEN_ACTIONS, ConsoleAction, textual_keys
+from rise_tui.config.preferences import DEFAULT_KEYS
 from rise_tui.key_labels import key_label
 
 
@@ -61,7 +61,7 @@ def textual_keymap(keys: KeyFile) -> dict[str, str]:
 
 def how_to_fix(path: Path | None) -> str:
     """Return the remedy for a key file that prevents the console from starting."""
-    return f"no console was started: fix {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."
+    return f"no console was started: fix {path}, or start with the usual keys: rise-tui --keys {DEFAULT_KEYS} ..."
 
 
 FIXED = {
@@ -177,7 +177,7 @@ def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
     """Whether the keys of both actions work at the same time."""
     if {"study", "edit"} & {one.scope, other.scope}:  # few of the console's actions work on these screens
         return one.scope == other.scope or any(
-            each.scope == "everywhere" or each.id in ON_STUDY_SCREEN for each in (one, other)
+            each.scope == "everywhere" or each.id in STUDY_SCREEN_ACTIONS for each in (one, other)
         )
     common = ("everywhere", "console")
     return one.scope in common or other.scope in common or one.scope == other.scope

@@ -23,7 +23,7 @@ from rise_engine.base.files import write_whole
 KEY_FILE_NAME = "keys.toml"
 PREFERENCES_NAME = "console.json"
 """The file in the state folder with the preferences of all of a user's consoles."""
-USUAL_KEYS = "none"
+DEFAULT_KEYS = "none"
 """Instead of a key file's name: the usual keys."""
 
 
@@ -39,7 +39,7 @@ def state_folder() -> Path:
 
 def key_file_path(named: str | None) -> Path | None:
     """The key file to read: the named one, or the usual one if it exists; None for the usual keys."""
-    if named == USUAL_KEYS:
+    if named == DEFAULT_KEYS:
         return None
     if named is not None:
         return expand_home(named)

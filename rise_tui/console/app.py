@@ -136,7 +136,7 @@ class ConsoleApp(RiseApp):
                 keys=self._keys,
             )
             await self.push_screen(screen)
-        screen.come_back(sentence, participant)
+        screen.show_ended_session(sentence, participant)
 
     @on(StudyScreen.SessionReady)
     async def _open_session_of_study(self, event: StudyScreen.SessionReady) -> None:
@@ -149,7 +149,7 @@ class ConsoleApp(RiseApp):
     @on(StudyScreen.WizardNamed)
     def _keep_wizard(self, event: StudyScreen.WizardNamed) -> None:
         self._wizard = event.name
-        self.run_worker(asyncio.to_thread(save_all, self._ui_state.keep_wizard(event.name)), group="keep")
+        self.run_worker(asyncio.to_thread(save_all, self._ui_state.save_wizard_name(event.name)), group="keep")
 
     # --- sessions ---------------------------------------------------------------------------------------------------
 

@@ -293,7 +293,7 @@ class UiState:
         """Note that the tour of the first run was seen."""
         return [self._changed_preferences(tour=True)]
 
-    def keep_wizard(self, name: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+    def save_wizard_name(self, name: str) -> list[tuple[Path, Preferences | SavedLayout]]:
         """Save the wizard's name, which the next question suggests."""
         if not self._is_saved or self.preferences.wizard == name:
             return []

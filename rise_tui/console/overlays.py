@@ -97,7 +97,7 @@ class Flash(Widget, can_focus=False):
         return Strip(pieces, width)
 
 
-RUNS = "the running session keeps its own copy of the files; what you save applies to the next one"
+SESSION_KEEPS_COPY = "the running session keeps its own copy of the files; what you save applies to the next one"
 
 
 def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:
@@ -142,7 +142,7 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
     except EditRefused as refused:
         refuse(f"the editor cannot open: {refused}")
         return
-    notice = workspace.read_only or (RUNS if runs else "")
+    notice = workspace.read_only or (SESSION_KEEPS_COPY if runs else "")
     await app.push_screen(EditScreen(EditedStudy(workspace, draft), notice=notice, may_suspend=not runs))
 
 

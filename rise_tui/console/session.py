@@ -30,14 +30,14 @@ REATTACH_SECONDS = 0.5
 RECLAIM_SECONDS, MAX_RECLAIMS = 0.1, 30
 """Seconds between attempts to reclaim control from the cut connection, and their number."""
 
-BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
-BACK_STOPPING = "the connection is back; STOP may not have arrived"
+RECONNECTED = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
+RECONNECTED_STOPPING = "the connection is back; STOP may not have arrived"
 DISK_SECONDS = 6.0
 """Seconds to wait for the last records: the engine of a session that is over gives the disk 5 s."""
 STOP_NOT_SENT = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
 
 
-def _gets_end(folder: Path) -> bool:
+def _has_recorded_end(folder: Path) -> bool:
     """Whether the record of a session that is over has an end when its engine gives up. Blocks."""
     wait_until(lambda: has_ended(folder) or not is_locked(folder / JOURNAL), DISK_SECONDS)
     return has_ended(folder)
@@ -88,7 +88,7 @@ class ConsoleSession:
         attached = self.store.attach_reply
         folder = Path(attached.folder)
         if not (attached.replay or attached.shadow or self.store.view.ended) and (folder / JOURNAL).is_file():
-            self.store.end_unrecorded = not await asyncio.to_thread(_gets_end, folder)
+            self.store.end_unrecorded = not await asyncio.to_thread(_has_recorded_end, folder)
 
     async def _apply_batch(self, batch: Sequence[ClientUpdate]) -> None:
         """Apply records in pieces, so that a key need not wait until a slow console has caught up."""
@@ -117,8 +117,8 @@ class ConsoleSession:
         """Take over the new snapshot, which is right. The fate of requests sent meanwhile is unknown."""
         stopping = self.store.stopping
         self.store.reattach(attach_reply)
-        again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
-        self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
+        again = f"{RECONNECTED_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
+        self.store.notice = Notice(again, "fault") if stopping else Notice(RECONNECTED, "wait")
 
     async def _reclaim_control(self) -> None:
         """Take back the control that was lost with the connection, when the engine has noticed the cut.
@@ -189,7 +189,7 @@ class ConsoleSession:
 
     async def add_note(self, text: str) -> bool:
         """Add a remark to the record. False: it was not accepted, and the reason is shown."""
-        reason = await self._put_on_record(Note(text=text, source=self.store.own_name), "remark")
+        reason = await self._send_report(Note(text=text, source=self.store.own_name), "remark")
         if reason:
             self.show_notice(Notice(f"the note was not recorded: {reason}", "wait"))
         return not reason
@@ -197,13 +197,13 @@ class ConsoleSession:
     async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
         """Record the results of checks, and how the session counts. False: not accepted, and the reason is shown."""
         for each in reports:
-            if reason := await self._put_on_record(each, "change"):
+            if reason := await self._send_report(each, "change"):
                 self.show_notice(Notice(f"the session goes on, because this was not recorded: {reason}", "fault"))
                 return False
         return True
 
-    async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, intent: Intent) -> str:
-        """Send a message that is not a task. Returns why it was refused, or empty. `intent`: the right that it needs."""
+    async def _send_report(self, message: Note | CheckReport | OutcomeReport, intent: Intent) -> str:
+        """Send a message that is not a task. Returns why it was refused, or empty. `intent`: the needed right."""
         if reason := why_blocked(self.store, intent):
             return reason
         reply = await self._answer(self.client.send(message))

@@ -22,7 +22,7 @@ from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
-from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
+from rise_tui.actions import STUDY_SCREEN_ACTIONS, bindings_in, bindings_of
 from rise_tui.config.key_file import KeyFile, how_to_fix
 from rise_tui.config.launch import SessionPreview, SessionRequest, StartedSession, StudyNow, StudySource
 from rise_tui.console import overlays, study_dialogs
@@ -58,7 +58,7 @@ class StudyScreen(Screen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         *bindings_in("study"),
-        *bindings_of(*ON_STUDY_SCREEN),
+        *bindings_of(*STUDY_SCREEN_ACTIONS),
         Binding("tab,shift+tab", "other_list", show=False),
         Binding("escape", "clear_find", show=False),
     ]
@@ -153,7 +153,7 @@ class StudyScreen(Screen[None]):
         if await asyncio.to_thread(self._source.fingerprint) != self._fingerprint:
             self.read()
 
-    def come_back(self, sentence: str = "", participant: str = "") -> None:
+    def show_ended_session(self, sentence: str = "", participant: str = "") -> None:
         """Show the result of a session that has ended, and go on to the next participant or the named one."""
         self.busy, self._stop_pressed = "", False
         self._goes_to_next, self._select = True, participant or self._select
@@ -274,11 +274,11 @@ class StudyScreen(Screen[None]):
         elif each.state == "unfinished" and entry is not None:
             self._ask_about_unfinished(each, entry)
         elif each.state == "to-judge" and entry is not None:
-            self._named(lambda: self._ask_afterwards(entry))
+            self._with_wizard_name(lambda: self._ask_afterwards(entry))
         elif each.next_run is None:
             self.say(f"{each.participant}: {each.why or f'{each.state}; no run is left'}", "wait")
         else:
-            self._named(lambda: self._prepare(SessionRequest(each.participant)))
+            self._with_wizard_name(lambda: self._prepare(SessionRequest(each.participant)))
 
     def _refuse_start(self) -> None:
         why = "the study does not load" if self.loaded.standing is None else "no participant is selected"
@@ -293,7 +293,7 @@ class StudyScreen(Screen[None]):
 
         def go_on(request: SessionRequest | None) -> None:
             if request is not None:
-                self._named(lambda: self._prepare(request))
+                self._with_wizard_name(lambda: self._prepare(request))
 
         study_dialogs.ask_what_to_rehearse(self.app, each.participant, study, self.conditions, go_on)
 
@@ -320,7 +320,9 @@ class StudyScreen(Screen[None]):
             self.open_selected()  # it asks for the first outcome
         else:
             last = entry
-            self._named(lambda: study_dialogs.ask_outcome(self.app, last, self.conditions, partial(self._judge, last)))
+            self._with_wizard_name(
+                lambda: study_dialogs.ask_outcome(self.app, last, self.conditions, partial(self._judge, last))
+            )
 
     def show_report(self, title: str, folder: str) -> None:
         """Show the report of a session that has just ended here, over this screen."""
@@ -328,7 +330,7 @@ class StudyScreen(Screen[None]):
 
     # --- the wizard's name ------------------------------------------------------------------------------------------
 
-    def _named(self, go_on: Callable[[], None]) -> None:
+    def _with_wizard_name(self, go_on: Callable[[], None]) -> None:
         """Continue when the wizard's name is known."""
         if self.wizard:
             go_on()
@@ -446,7 +448,7 @@ class StudyScreen(Screen[None]):
 
     def _judge(self, entry: SessionEntry, given: Outcome | None) -> None:
         if given is not None:
-            self._named(
+            self._with_wizard_name(
                 lambda: self._start_job(f"recording: {entry.participant} {given.status}", self._write(entry, given))
             )
 
@@ -456,4 +458,4 @@ class StudyScreen(Screen[None]):
         except StudyError as refused:
             self._refused(refused)
             return
-        self.come_back(f"{entry.participant}, run {entry.run}: {given.status}")
+        self.show_ended_session(f"{entry.participant}, run {entry.run}: {given.status}")

@@ -80,7 +80,7 @@ class ActPage(FormPage):
         return next((each for each in act.actions if each.id == id), None) if act is not None else None
 
     @property
-    def still_there(self) -> bool:
+    def content_exists(self) -> bool:
         return self.act is not None
 
     @property

@@ -357,7 +357,7 @@ def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None
     choices += [_explored_choice(number, each, word) for number, each in enumerate(explored.findings, len(findings))]
     tab = ["what can be done"] * len(findings)
     tab += ["step by step" if each.way else "" for each in explored.findings]
-    title = " · ".join(filter(None, ("What is wrong", explored.seen(draft))))
+    title = " · ".join(filter(None, ("What is wrong", explored.extent_text(draft))))
     keys = {choice.value: word for choice, word in zip(choices, tab, strict=True)}
     app.push_screen(PickList(title, choices, now=now, enter="goes there", tab=keys), take)
 

@@ -34,7 +34,7 @@ from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 Step: TypeAlias = Literal[0, 1, -1]
 """The cursor's next field: this one, the next, the previous one."""
-TAKES: dict[str, Step] = {"enter": 0, "tab": 1, "down": 1, "shift+tab": -1, "up": -1}
+ACCEPTING_KEYS: dict[str, Step] = {"enter": 0, "tab": 1, "down": 1, "shift+tab": -1, "up": -1}
 """Keys that accept the typed text."""
 
 
@@ -236,9 +236,9 @@ class FieldList(Vertical):
             return False
         if key == "escape":
             self.close()
-        elif key in TAKES:
-            self._take(TAKES[key])
-        return key == "escape" or key in TAKES
+        elif key in ACCEPTING_KEYS:
+            self._take(ACCEPTING_KEYS[key])
+        return key == "escape" or key in ACCEPTING_KEYS
 
     def _take(self, step: Step) -> None:
         """Accept the typed text, and open the next field."""
@@ -378,9 +378,9 @@ class FormPanel(FieldList):
             self._finish(form, lambda: self._close_form(form))
         elif key == "escape":
             self._close_form(None)
-        elif key in TAKES:  # the fields are a ring: only Esc and Enter leave the form
+        elif key in ACCEPTING_KEYS:  # the fields are a ring: only Esc and Enter leave the form
             ids = list(self._fields)
-            self._enter(ids[(ids.index(field.id) + TAKES[key]) % len(ids)])
+            self._enter(ids[(ids.index(field.id) + ACCEPTING_KEYS[key]) % len(ids)])
         elif key == "f2":
             if field.kind == "text" and field.choices:
                 self.list_choices(field)

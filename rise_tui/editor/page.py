@@ -146,7 +146,7 @@ class EditPage(Vertical):
         return ""
 
     @property
-    def still_there(self) -> bool:
+    def content_exists(self) -> bool:
         """Whether the content of the page still exists. Otherwise the frame closes it."""
         return True
 

@@ -228,9 +228,9 @@ class RuleEditor(RuleDisplay):
         edit = movement(part, state, rule.name, step) if part is not None else None
         if part is None or edit is None:
             raise EditRefused((part.reason if part is not None else "") or "it cannot be moved further")
-        self._page.make(edit, then=lambda: self._go_with(part, step))
+        self._page.make(edit, then=lambda: self._follow_row(part, step))
 
-    def _go_with(self, part: PartRow, step: int) -> None:
+    def _follow_row(self, part: PartRow, step: int) -> None:
         """Move the cursor with the moved row."""
         if part.kind == "transition" and self.spot is not None:
             self._go_to(GraphSpot(self.spot.state, part.transition + step))

@@ -55,14 +55,14 @@ class RulePage(RuleHost):
 
     @property
     def first_focus(self) -> Widget | None:
-        return self.trial.rows if self.is_trying and not self._is_beside else self.editor.graph
+        return self.trial.rows if self.is_trying and not self._fits_beside else self.editor.graph
 
     @property
     def shown_state(self) -> str:
         return self.editor.shown_state
 
     @property
-    def still_there(self) -> bool:
+    def content_exists(self) -> bool:
         return self.draft.outline.rule(self.shown_name) is not None
 
     @property
@@ -111,7 +111,7 @@ class RulePage(RuleHost):
 
     def _go_to_next_list(self) -> None:
         lists: list[RowList] = []
-        if not self.is_trying or self._is_beside:
+        if not self.is_trying or self._fits_beside:
             lists += [self.editor.graph, self.editor.parts]
         if self.is_trying:
             lists += [self.trial.rows, self.trial.lines]
@@ -129,7 +129,7 @@ class RulePage(RuleHost):
         return self.is_trying and self.trial.has_focus_within
 
     @property
-    def _is_beside(self) -> bool:
+    def _fits_beside(self) -> bool:
         return self.app.size.width >= MIN_TRIAL_COLUMNS
 
     def try_rule(self, rule: str, state: str) -> None:
@@ -140,7 +140,7 @@ class RulePage(RuleHost):
             self.frame.say(f"fix the error first{what}", "wait")
             return
         self.add_class("-trying")
-        self.hide_list(self._is_beside)
+        self.hide_list(self._fits_beside)
         self._place_trial()
         self.trial.play(scenario, rule, state)
         self.trial.rows.focus()
@@ -153,7 +153,7 @@ class RulePage(RuleHost):
 
     def _place_trial(self) -> None:
         """Place the trial run. Beside the rule it needs no graph: the cursor in the rule's graph follows it."""
-        beside = self.is_trying and self._is_beside
+        beside = self.is_trying and self._fits_beside
         self.set_class(beside, "-beside")
         self.trial.set_class(beside, "-beside")
 
@@ -164,7 +164,7 @@ class RulePage(RuleHost):
     def _played(self, event: TrialView.Played) -> None:
         event.stop()
         running = find_running_rule(self.trial.trial, self.shown_name) if self.trial.trial is not None else None
-        if self._is_beside and running is not None and running.name == self.shown_name:
+        if self._fits_beside and running is not None and running.name == self.shown_name:
             self.editor.go_to_state(running.state)
         self.frame.say(event.problem, "wait" if event.problem else "info")
         self.frame.draw_bars()

@@ -13,7 +13,7 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
 
-from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
+from rise_tui.actions import EDITOR_ACTIONS, bindings_in, bindings_of
 from rise_tui.config.key_file import KeyFile
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.data_pages import KeysPage, MemoryPage, SettingsPage
@@ -54,7 +54,7 @@ class EditScreen(StudyFrame):
     EditScreen #body.-page.-wide StudyPage { width: 44; }
     EditScreen #body.-page.-narrow StudyPage { display: none; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*IN_EDITOR)]
+    BINDINGS: ClassVar[list[BindingType]] = [*bindings_in("edit"), *bindings_of(*EDITOR_ACTIONS)]
 
     def __init__(
         self,
@@ -164,7 +164,7 @@ class EditScreen(StudyFrame):
     @on(RowView.Resized)
     def draw(self) -> None:
         """Draw everything from the present draft."""
-        if self.opened is not None and not self.opened.still_there:
+        if self.opened is not None and not self.opened.content_exists:
             self.close_page()
             return
         self.home.draw()

@@ -88,7 +88,7 @@ class ExploredStudy(Struct, frozen=True):
             case _:
                 return []
 
-    def seen(self, draft: StudyDraft) -> str:
+    def extent_text(self, draft: StudyDraft) -> str:
         """The extent and time of the exploration; empty: none."""
         if not self.at:
             return ""
@@ -100,7 +100,7 @@ class ExploredStudy(Struct, frozen=True):
         if self.has_failed:
             return "the saved study could not be explored: `rise-engine explore` says why"
         again = "; exploring again" if self.is_asked_again else ""
-        return f"{self.seen(draft)}: {self._found}{again}" if self.at else ""
+        return f"{self.extent_text(draft)}: {self._found}{again}" if self.at else ""
 
     @property
     def _found(self) -> str:

@@ -18,6 +18,7 @@ from rise_tui.editor.model.text_rows import (
     TextEntry,
     TextsView,
     column_line,
+    confirmation_edits,
     count_texts,
     entry_head,
     folder_from,
@@ -29,7 +30,6 @@ from rise_tui.editor.model.text_rows import (
     own_language,
     place_of,
     shown_entries,
-    still_right_edits,
     text_entries,
     text_rows,
     translation_edits,
@@ -166,9 +166,9 @@ class TextsPage(SentencePage):
     def calls(self) -> Mapping[str, Callable[[], object]]:
         return {
             "edit.open": self.open_current,
-            "edit.other": lambda: self._turn_to(1 - self.column),
+            "edit.other": lambda: self._select_column(1 - self.column),
             "edit.only": lambda: self._show_view(self.view._replace(only=not self.view.only)),
-            "edit.still-right": self._still_right,
+            "edit.still-right": self._confirm_translation,
             "edit.go": self._go_to_act,
             "edit.language": self._choose_language,
             "edit.add": self._ask_for_language,
@@ -181,7 +181,7 @@ class TextsPage(SentencePage):
         self.draw()
         self.frame.draw_bars()
 
-    def _turn_to(self, column: int) -> None:
+    def _select_column(self, column: int) -> None:
         if column == 1 and not self.view.language:
             raise EditRefused("the study has one language: a adds another")
         self.column = column
@@ -199,9 +199,9 @@ class TextsPage(SentencePage):
         self._show_view(self.view)
         return True
 
-    def _still_right(self) -> None:
+    def _confirm_translation(self) -> None:
         if self.entry is not None:
-            self.make(*still_right_edits(self.entry, self.view.language))
+            self.make(*confirmation_edits(self.entry, self.view.language))
 
     def _remove(self) -> None:
         """Remove the translation."""

@@ -17,7 +17,7 @@ from rise_tui.model.notice import short_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, clean, format_age, format_clock, line_width
 
-RUNS = frozenset({"started", "running"})
+RUNNING_STATES = frozenset({"started", "running"})
 BROKEN = ("failed", "stalled")
 """The worse status first."""
 
@@ -45,7 +45,7 @@ def recorders_word(store: Store) -> tuple[str, str, TextRole] | None:
     If only some have stopped, those are named.
     """
     known = recorders_of(store)
-    if not known or all(each.status in RUNS for each in known):
+    if not known or all(each.status in RUNNING_STATES for each in known):
         return None
     worst = known[0]
     also = sum(each.status == worst.status for each in known) - 1
@@ -58,7 +58,7 @@ def recorders_word(store: Store) -> tuple[str, str, TextRole] | None:
 def all_recorders_run(store: Store) -> bool:
     """Whether there are recorders, and all of them record."""
     known = recorders_of(store)
-    return bool(known) and all(each.status in RUNS for each in known)
+    return bool(known) and all(each.status in RUNNING_STATES for each in known)
 
 
 def broken_recorders_text(store: Store) -> str:

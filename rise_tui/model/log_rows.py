@@ -50,7 +50,7 @@ def is_by_wizard(source: str, t: float, starter: TaskView | None, tasks: Mapping
     return actor_of(source) == "wizard"
 
 
-def is_rules_own(task: TaskView | TaskRecord) -> bool:
+def is_rule_internal(task: TaskView | TaskRecord) -> bool:
     """Whether a rule did this for itself: an event, a value, another rule. Failures do not count."""
     quiet = task.status not in ("REJECTED", "ABORTED")
     return task.source.startswith(BY_RULE) and task.function not in ACTS and quiet
@@ -84,7 +84,7 @@ class LogRows:
                 starters[BY_RULE + started_rule(task.behavior)] = task
             starter = starters.get(task.source)
             missed = task.taken is False and is_by_wizard(task.source, task.ended or 0.0, starter, view.tasks)
-            if missed or not is_rules_own(task):
+            if missed or not is_rule_internal(task):
                 self.main.append(row_of(id))
         for remark in view.remarks:
             self.add_remark(remark, in_order=False)
@@ -94,7 +94,7 @@ class LogRows:
     def add_task(self, record: TaskRecord) -> None:
         """Add an arrived task."""
         self.all.append(row_of(record.id))
-        if not is_rules_own(record):
+        if not is_rule_internal(record):
             self.main.append(row_of(record.id))
 
     def show_own_row(self, task: int) -> None:

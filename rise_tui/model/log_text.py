@@ -98,7 +98,9 @@ def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) 
     if width - line_width(line) >= REASON:
         return crop((*line, (f"  {task.reason}", state.role)), width)
     return (
-        crop((*head, *_failure_spans(task, state, width - line_width(head))), width) if _is_bad(task, state) else line
+        crop((*head, *_failure_spans(task, state, width - line_width(head))), width)
+        if _is_problem(task, state)
+        else line
     )
 
 
@@ -116,7 +118,7 @@ def _narrow_head(task: TaskView) -> StyledLine:
 def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
     """A narrow row. After a failure the reason follows, as far as it fits."""
     room = width - TIME - FUNCTION
-    if _is_bad(task, state):
+    if _is_problem(task, state):
         return crop((*head, *_failure_spans(task, state, room)), width)
     name = fixed_span(_task_name(task) or short_name(task.source), room - STATE)
     return (*head, name, (f" {state.glyph} ", state.role), fixed_span(state.word, STATE - 3, state.role))
@@ -132,7 +134,7 @@ def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
     )
 
 
-def _is_bad(task: TaskView, state: StateLabel) -> bool:
+def _is_problem(task: TaskView, state: StateLabel) -> bool:
     return bool(task.reason) and state.role in ("fault", "wait")
 
 

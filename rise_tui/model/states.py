@@ -139,7 +139,7 @@ def act_progress(act: Act, task: TaskView) -> tuple[int, int]:
 
 HERE, STATE = "here", "state"
 """The id prefixes of state rows, before a colon and the state's name: the present state, and the others."""
-FAR = 8
+LONG_RAIL = 8
 """Rows. At a longer rail, the label also names the target, because its arrow may be out of view."""
 MIN_NAME_WIDTH = 4
 """Cells of a state's name that are always shown."""
@@ -219,7 +219,7 @@ def _transition_spans(
     tail: list[StyledSpan] = [("  last step", "accent")] if taken else []
     if edge.kind in ("stays", "again"):
         tail.insert(0, (f"  {edge.kind}", "muted"))
-    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > FAR):
+    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > LONG_RAIL):
         free = room - line_width(tail) - 3
         target = shorten(edge.target, max(free // 2, free - cell_len(label)))
         tail.insert(0, (f" → {target}", role))

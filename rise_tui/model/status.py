@@ -76,9 +76,9 @@ def running_lines(store: Store) -> list[str]:
 
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
-FRESH = 2.0
+FRESH_SECONDS = 2.0
 """Seconds for which a robot's sign of life counts as recent. The link brings one about every second."""
-OLD = 3.0
+STALE_SECONDS = 3.0
 """Age in seconds of a sign of life from which something is wrong, whatever the link reports."""
 TITLE = 12
 """Cells that the title keeps before anything else is cut, if there is some room."""
@@ -89,9 +89,9 @@ NARROW = 80
 """Below this width no cells are kept for a cue."""
 MIN_TITLE = 8
 """Cells below which a title is useless."""
-USUAL = 100
+FULL_TITLE_WIDTH = 100
 """From this width on the title keeps TITLE cells."""
-VANISHES = 12
+OMITTED_STEP = 12
 """The step from which a cell is omitted (`StatusCell.keep`)."""
 STATE = 9
 """Room for the longest of LIVE, SAFE, LOCKED and STOPPED."""
@@ -122,7 +122,7 @@ def status_line(store: Store, width: int) -> StyledLine:
     best = sum(line_width(cell.variants[0]) for cell in _cells(store, padded=True))
     awaits = counts and store.key_state != "STOPPED"  # no answer is possible then
     cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
-    kept = max(TITLE if width >= USUAL else 0, cue_room)
+    kept = max(TITLE if width >= FULL_TITLE_WIDTH else 0, cue_room)
     padded = best + max(kept, line_width(title)) <= room  # no blanks while something is cut
     right = _fit_cells(_cells(store, padded=padded), max(0, room - kept))
     cue = _cue_line(store, room - line_width(right)) if counts else ()
@@ -152,7 +152,7 @@ def _participant_line(store: Store, cells: list[StatusCell], width: int) -> Styl
 
 def _least_width(cell: StatusCell) -> int:
     """The width of the narrowest variant that still shows the cell's meaning."""
-    steps = sum(1 for step in cell.keep if step < VANISHES)
+    steps = sum(1 for step in cell.keep if step < OMITTED_STEP)
     return line_width(cell.variants[min(steps, len(cell.variants) - 1)])
 
 
@@ -197,7 +197,7 @@ def _robot_cells(store: Store) -> list[StatusCell]:
     if seen is not None and robot is not None and status == "connected":
         seen = max(seen, robot.t)  # its return is a sign of life, too
     age = None if seen is None or store.gone_reason or store.cut_since is not None else max(0.0, store.now() - seen)
-    if age is not None and age >= OLD and role == "plain":
+    if age is not None and age >= STALE_SECONDS and role == "plain":
         role = "wait"
     link = f"{ROBOT_GLYPHS.get(status, '○')} {status}"
     links = (link, link.replace("connected", "ok"))
@@ -209,9 +209,9 @@ def _robot_cells(store: Store) -> list[StatusCell]:
         StatusCell(tuple(((text, role),) for text in dict.fromkeys(links)), (3,)),
     ]
     if age is not None:
-        text = "<2 s" if age < FRESH else format_duration(age)
-        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH else role))
-        cells.append(StatusCell((shown, ()) if age < FRESH else (shown,), (7,)))
+        text = "<2 s" if age < FRESH_SECONDS else format_duration(age)
+        shown: StyledLine = ((" ", "plain"), (text, "muted" if age < FRESH_SECONDS else role))
+        cells.append(StatusCell((shown, ()) if age < FRESH_SECONDS else (shown,), (7,)))
     return cells
 
 

@@ -25,7 +25,7 @@ CLOCK_SECONDS = 1.0
 """Seconds between two updates of the parts that change with the clock."""
 ROWS_AHEAD = 4
 """Rows below the present state that should be visible with it."""
-USUAL_SHARE = 0.6
+DEFAULT_SHARE = 0.6
 """The reasons have room for this share of a rule's states. Only the other states move the graph."""
 TINY_HEIGHT = 5
 """Rows up to which there is room for reasons only."""
@@ -198,7 +198,7 @@ class RulePane(ListPane):
         if self._usual_count is None or self._usual_count[:2] != (rule, width):
             view = RuleView(running=True)
             needs = sorted(len(self._reasons.rows(rule, state, view, width)) for state in rule.states.values())
-            self._usual_count = rule, width, 2 + needs[int((len(needs) - 1) * USUAL_SHARE)]
+            self._usual_count = rule, width, 2 + needs[int((len(needs) - 1) * DEFAULT_SHARE)]
         return self._usual_count[2]
 
     def carry_out(self, action: str) -> None:

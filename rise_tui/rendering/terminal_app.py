@@ -126,7 +126,7 @@ CHECK_SECONDS = 0.004
 MAX_CHECKS = 500
 """Maximum number of checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
 everything takes longer, and a key that did not wait would go to the wrong field."""
-ROUNDS = 3
+MAX_ROUNDS = 3
 """Walks from the focus up to the app: for a key's message, that message's answer, and what it opens."""
 
 
@@ -175,12 +175,12 @@ class KeyQueue:
 
     async def _carried_out(self) -> None:
         """Return when the last key, and the work that it began, is done."""
-        for _ in range(ROUNDS):
-            await self._go_round()
+        for _ in range(MAX_ROUNDS):
+            await self._settle_messages()
             while not self._is_ready:  # noqa: ASYNC110 - no event announces this
                 await asyncio.sleep(CHECK_SECONDS)
 
-    async def _go_round(self) -> None:
+    async def _settle_messages(self) -> None:
         """Wait until everything from the focus up to the app has handled its present messages."""
         stack = self._app.screen_stack
         node: MessagePump | None = (self._app.focused or stack[-1]) if stack else None

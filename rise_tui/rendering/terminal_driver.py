@@ -65,7 +65,7 @@ class TerminalDriver(LinuxDriver):
 
 
 READ = 4096
-ALONE = 0.0003
+PASTE_WAIT_SECONDS = 0.0003
 """Seconds to wait after a key for others: pasted keys come immediately, typed ones do not."""
 POLL = constants.ESCAPE_DELAY + 0.005
 """Seconds after which an incomplete sequence is examined: Esc alone is one."""
@@ -129,7 +129,7 @@ class TerminalReader:
         messages = [message for character in self._decode(data) for message in self._parse(character)]
         keys = sum(isinstance(message, events.Key) for message in messages)
         if keys:
-            more = self._has_more(ALONE)
+            more = self._has_more(PASTE_WAIT_SECONDS)
             self._begins = mark_together(messages, keys > 1 or more, begins=self._begins) or not more
         for message in messages:
             self._deliver(message)

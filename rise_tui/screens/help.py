@@ -6,7 +6,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Literal, NamedTuple
 
-from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import (
+    BY_ID,
+    EDITOR_ACTIONS,
+    KEY_SCOPES,
+    STUDY_SCREEN_ACTIONS,
+    ConsoleAction,
+    KeyScope,
+    actions_in,
+)
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter, mark_line
 from rise_tui.model.notice import task_label
@@ -54,7 +62,7 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
 def screen_help_entries(scope: Literal["study", "edit"]) -> Iterator[HelpEntry]:
     """The entries of a screen on which no key starts anything: that of a study, or the editor."""
     titles = dict(KEY_SCOPES)
-    shared, words = (ON_STUDY_SCREEN, STUDY_CONCEPTS) if scope == "study" else (IN_EDITOR, EDIT_CONCEPTS)
+    shared, words = (STUDY_SCREEN_ACTIONS, STUDY_CONCEPTS) if scope == "study" else (EDITOR_ACTIONS, EDIT_CONCEPTS)
     yield from (_action_entry(action, titles[scope], None) for action in actions_in(scope))
     yield from (_action_entry(BY_ID[id], titles[scope], None) for id in shared)
     yield from (_action_entry(BY_ID[id], titles["everywhere"], None) for id in ("stop", "quit"))

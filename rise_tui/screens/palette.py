@@ -16,7 +16,16 @@ from rise_engine.author.drawing.rule_text import ENDINGS
 from rise_engine.author.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
-from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.actions import (
+    ACTIONS,
+    BY_ID,
+    EDITOR_ACTIONS,
+    KEY_SCOPES,
+    STUDY_SCREEN_ACTIONS,
+    ConsoleAction,
+    KeyScope,
+    actions_in,
+)
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
@@ -151,7 +160,7 @@ def palette_commands(
 
 def screen_commands(scope: Literal["study", "edit"], run: Callable[[str], None]) -> Iterator[PaletteCommand]:
     """The commands of a screen on which no key starts anything: that of a study, or the editor."""
-    shared = ON_STUDY_SCREEN if scope == "study" else IN_EDITOR
+    shared = STUDY_SCREEN_ACTIONS if scope == "study" else EDITOR_ACTIONS
     for action in (*actions_in(scope), *(BY_ID[id] for id in shared if id not in ("palette", "theme"))):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 

@@ -152,7 +152,7 @@ class Rules:
 
     def stop(self, run: Run, why: str) -> None:
         """A running rule is stopped."""
-        self._take_away(run)
+        self._remove_replaced(run)
         self._record(run, "stopped", run.state.id, reason=why)
         self.session.failures.rule_stopped(run)
         self.session.tasks.record(run.task, "CANCELED", why)
@@ -166,7 +166,7 @@ class Rules:
 
     def fault(self, run: Run, why: str) -> None:
         """A rule goes round in circles."""
-        self._take_away(run)
+        self._remove_replaced(run)
         self._record(run, "faulted", run.state.id, reason=why)
         self.session.failures.rule_stopped(run)
         self.session.tasks.record(run.task, "ABORTED", why)
@@ -177,7 +177,7 @@ class Rules:
         return next((run for run in self.stack if run.task is task), None)
 
     def _end(self, run: Run) -> None:
-        self._take_away(run)
+        self._remove_replaced(run)
         self._record(run, "ended", run.state.id)
         self.session.tasks.record(run.task, "SUCCEEDED")
         result = f"{run.name}_{run.state.id}"
@@ -186,7 +186,7 @@ class Rules:
             self.raise_engine_event(result)
         self.raise_engine_event(f"{run.name}_end")
 
-    def _take_away(self, run: Run) -> None:
+    def _remove_replaced(self, run: Run) -> None:
         self.stack.remove(run)
         self.session.times.state_left(run)
 

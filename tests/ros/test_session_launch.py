@@ -136,7 +136,7 @@ def test_after_a_crash_the_same_session_goes_on(tmp_path: Path, monkeypatch: pyt
     file = tmp_path / "lab.yaml"
     file.write_text("/**:\n  ros__parameters: {new: true}\n")
     first = given(config="/s", participant="P07", new="true", tasks="/t.jsonl", params_file=str(file))
-    again = started(monkeypatch, made.after_a_crash(first))
+    again = started(monkeypatch, made.recovery_arguments(first))
     assert again == {"folder": "/s", "participant": "P07", "recover": True, "ros": "rclpy", "": "-r __ns:=/lab"}
     unit = (PACKAGE.parents[1] / "packaging/systemd/rise-engine@.service").read_text("utf-8")
     prevented = next(line for line in unit.splitlines() if line.startswith("RestartPreventExitStatus=")).partition("=")

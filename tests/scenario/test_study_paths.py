@@ -16,7 +16,7 @@ from rise_engine.author.edit.study_folder import finish_interrupted, read_study_
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import StudyError
 from rise_engine.scenario.files.study_paths import why_not_read, why_not_written
-from rise_engine.scenario.files.tree import FRESH, NOTE, SavedFile, sum_of
+from rise_engine.scenario.files.tree import NEW_SUFFIX, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import write_new_folder
 from rise_engine.study.study_toml import load_study
@@ -82,7 +82,7 @@ def test_what_nobody_may_write(study: Path, name: str) -> None:
         write_files(study, {}, {name: b"x"})
     workspace = Workspace(study)
     before = everything(study)
-    (outlook,) = workspace.foresee(edit)[2]
+    (outlook,) = workspace.preview_edits(edit)[2]
     assert NAMES[name] in outlook.why
     workspace.close()
     assert everything(study) == before
@@ -126,7 +126,7 @@ def test_a_file_of_edits_that_leads_out_is_refused_whole(study: Path, tmp_path: 
 
 def test_the_note_of_a_save_names_files_of_the_study_alone(study: Path) -> None:
     for name in (".git/config.toml", "hidden/config.toml", "linked/x.toml"):
-        fresh = (study / name).parent / f".{Path(name).name}{FRESH}"
+        fresh = (study / name).parent / f".{Path(name).name}{NEW_SUFFIX}"
         fresh.write_bytes(b"evil")
         (study / NOTE).write_bytes(msgspec.json.encode([SavedFile(name, None, sum_of(b"evil"))]))
         assert finish_interrupted(study) == () and name not in read_study_files(study)

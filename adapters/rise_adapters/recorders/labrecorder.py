@@ -18,7 +18,7 @@ from rise_engine.base.text import clean
 from rise_engine.ports.recorder import MediaKind, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.scenario.model import Json
 
-USUAL_PORT = 22345
+DEFAULT_PORT = 22345
 ANSWER_SECONDS = 2.0
 """Time limit in seconds of one answer."""
 UPDATE_SECONDS = 2.0
@@ -42,7 +42,7 @@ class LabRecorder:
         self.name = name
         read = OptionReader(options, ("host", "port", "folder"))
         self.host = read.text("host", "127.0.0.1")
-        self.port = read.number("port", USUAL_PORT, 1, 65_535)
+        self.port = read.number("port", DEFAULT_PORT, 1, 65_535)
         self.folder = read.text("folder")
         if "}" in self.folder or "\n" in self.folder:
             read.refuse("`folder` has no } in it: LabRecorder cannot read that")

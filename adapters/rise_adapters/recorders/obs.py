@@ -24,7 +24,7 @@ from rise_engine.scenario.model import Json
 if TYPE_CHECKING:
     from aiohttp import ClientSession, ClientWebSocketResponse
 
-USUAL_URL = "ws://127.0.0.1:4455"
+DEFAULT_URL = "ws://127.0.0.1:4455"
 ANSWER_SECONDS = 3.0
 """Time limit in seconds of one answer."""
 FILE_SECONDS = 1.5
@@ -49,9 +49,9 @@ class ObsRecorder:
         :raises RecorderError: with all errors.
         """
         read = OptionReader(options, ("url", "password_file"))
-        self.url = read.text("url", USUAL_URL)
+        self.url = read.text("url", DEFAULT_URL)
         if not self.url.startswith(("ws://", "wss://")):
-            read.refuse(f'`url` begins with ws:// or wss://: url = "{USUAL_URL}"')
+            read.refuse(f'`url` begins with ws:// or wss://: url = "{DEFAULT_URL}"')
         self.password_file = read.text("password_file")
         read.finish()
         self._http: ClientSession | None = None

@@ -163,7 +163,7 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
     return found
 
 
-def only_looks_on(node: str) -> bool:
+def is_observer(node: str) -> bool:
     """Whether a node only records or shows messages: one of a bag, or a hidden one, such as `ros2 topic echo`."""
     return node.rpartition("/")[2].startswith(("rosbag2_", "_"))
 
@@ -174,7 +174,7 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
     mismatches: list[Mismatch] = []
     fits = False
     for end in transport.subscriber_endpoints(full):
-        if only_looks_on(end.node):
+        if is_observer(end.node):
             continue
         found.seen.append(describe_node(end.node))
         mismatch = _type_mismatch(transport, mapping, full, end, mapping.type, found)

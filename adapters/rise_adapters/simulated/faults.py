@@ -51,7 +51,7 @@ FaultKind: TypeAlias = Literal[
     "die-on-cancel",
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
-OF_CANCELS: tuple[FaultKind, ...] = ("refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
+CANCEL_FAULTS: tuple[FaultKind, ...] = ("refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
 """Faults that appear only when the action should stop."""
 LinkFaultKind: TypeAlias = Literal["vanish", "inactive"]
 

@@ -43,7 +43,7 @@ class CallReader:
         """The action that BML's core describes; None, after a diagnostic: there is none."""
         element = behavior.element
         self._refuse_inner_points(element)
-        self._lose_foreign(element)
+        self._report_foreign(element)
         match element.tag:
             case "speech":
                 return self._speech(behavior)
@@ -109,7 +109,7 @@ class CallReader:
             return None
         parameters = {"message": _literal(words)}
         if (language := element.get("language")) is not None:
-            self._lose(element, "language", f"`{language}` is of a draft of BML, and no language by BCP 47")
+            self._report_loss(element, "language", f"`{language}` is of a draft of BML, and no language by BCP 47")
         return ActionCall("Speech", parameters)
 
     def _words(self, holder: BmlElement) -> Iterator[str]:
@@ -227,7 +227,7 @@ class CallReader:
         if repetition is not None and type == "Animation":
             parameters["repetitions"] = _literal(repetition)
         elif repetition is not None:
-            self._lose(behavior.element, "repetition", "it is shown once")
+            self._report_loss(behavior.element, "repetition", "it is shown once")
         if not self._add_duration(behavior, parameters, repetition or "1") or found is None:
             return None
         return ActionCall(type, {"value": _literal(found[1])} | parameters)
@@ -265,7 +265,7 @@ class CallReader:
     def _descriptions(self, element: BmlElement) -> Iterator[BmlElement]:
         return (child for child in element if child.is_bml and child.tag == "description")
 
-    def _lose_foreign(self, element: BmlElement) -> None:
+    def _report_foreign(self, element: BmlElement) -> None:
         """Report the parts of a behaviour that are not BML's core."""
         for child in element:
             known = (DESCRIPTION_TYPE, SSML_TYPE) if element.tag == "speech" else (DESCRIPTION_TYPE,)
@@ -279,9 +279,9 @@ class CallReader:
         """Report attributes without a counterpart in acts."""
         for name, becomes in _NO_COUNTERPART.items():
             if name in element.attributes and (name != "mode" or element.tag == "gesture" or name in more):
-                self._lose(element, name, becomes)
+                self._report_loss(element, name, becomes)
 
-    def _lose(self, element: BmlElement, attribute: str, becomes: str) -> None:
+    def _report_loss(self, element: BmlElement, attribute: str, becomes: str) -> None:
         self._findings.lose(element.attribute_location(attribute), f"`{attribute}` of `<{element.tag}>`: {becomes}")
 
     def _has_action(self, element: BmlElement, type: str) -> bool:

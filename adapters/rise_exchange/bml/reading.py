@@ -19,7 +19,7 @@ from rise_exchange.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, END, START
 
 _BETWEEN_IDS = re.compile(r"[,;\s:]")
 _BLANKS = re.compile(r"\s+")
-_HERE = "\ue000"
+_ANY_VALUE = "\ue000"
 """A placeholder for any memory value: a character that no XML text contains."""
 
 
@@ -199,7 +199,7 @@ class _BlockReader:
 
 def _any_value(template: Template) -> str:
     """Return a parameter's text with placeholders for memory values."""
-    return "".join(part if isinstance(part, str) else _HERE for part in template.parts)
+    return "".join(part if isinstance(part, str) else _ANY_VALUE for part in template.parts)
 
 
 def _difference(behavior: PlannedBehavior, core: CoreBehavior, times: BlockTimes) -> str:
@@ -224,8 +224,8 @@ def _difference(behavior: PlannedBehavior, core: CoreBehavior, times: BlockTimes
 
 def _fits(written: str | None, expected: str) -> bool:
     """Whether a text is the expected one, with any memory values."""
-    if written is None or _HERE not in expected:
+    if written is None or _ANY_VALUE not in expected:
         return written == expected
-    pieces = (r"\s*".join(map(re.escape, _BLANKS.split(piece))) for piece in expected.split(_HERE))
+    pieces = (r"\s*".join(map(re.escape, _BLANKS.split(piece))) for piece in expected.split(_ANY_VALUE))
     pattern = ".*".join(pieces)  # an empty value leaves adjacent blanks
     return re.fullmatch(pattern, written, re.DOTALL) is not None

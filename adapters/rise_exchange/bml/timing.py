@@ -19,7 +19,7 @@ from rise_exchange.bml.core_behavior import SyncTime, parse_sync
 from rise_exchange.bml.names import TIME, ConversionFindings
 from rise_exchange.bml.vocabulary import END, INNER_POINTS, MARKS, START
 
-_SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"
+_ACT_LIMITS = "an act can wait for the end of an action, and then some seconds; it knows no point within one"
 _LONGEST_CIRCLE = 20
 """Maximum number of behaviours in a sentence."""
 
@@ -181,7 +181,7 @@ class BlockTimes:
             return True
         if time.block in self._behaviors:
             point = f"{time.block}:{time.behavior}:{time.point}"
-            self._refuse(location, f"`{point}` is a point within `{time.block}`; {_SURE}")
+            self._refuse(location, f"`{point}` is a point within `{time.block}`; {_ACT_LIMITS}")
         else:
             message = f"`{time.block}` is another block; an act cannot wait for what is in another act"
             self._refuse(location, message)
@@ -191,9 +191,9 @@ class BlockTimes:
         behavior = self._behaviors[time.behavior]
         marks = {each.get("id") for each in _marks_in(behavior.element)}
         if time.point in marks:
-            message = f"`{time.point}` is a mark in the words of `{time.behavior}`; {_SURE}"
+            message = f"`{time.point}` is a mark in the words of `{time.behavior}`; {_ACT_LIMITS}"
         elif time.point in INNER_POINTS:
-            message = f"`{time.behavior}:{time.point}` is a point within a behaviour; {_SURE}"
+            message = f"`{time.behavior}:{time.point}` is a point within a behaviour; {_ACT_LIMITS}"
         else:
             near = did_you_mean(time.point, (START, END))
             message = f"`{time.behavior}` has no sync point `{time.point}`{near}"
@@ -252,7 +252,7 @@ def _read_relation(
             location, f"there is no behaviour `{moved.behavior}` in this block{did_you_mean(moved.behavior, behaviors)}"
         )
     elif moved.point != START or moved.offset:
-        refuse(location, f"only the start of a behaviour can wait, not `{written}`; {_SURE}")
+        refuse(location, f"only the start of a behaviour can wait, not `{written}`; {_ACT_LIMITS}")
     elif not exact:
         if time.offset < 0:
             refuse(

@@ -39,7 +39,7 @@ from rise_exchange.scxml.script import (
 
 RISE_PROCESSOR = "x-rise"
 """The type of a `<send>` whose events are functions of rules."""
-CALLED = (
+CALLED_FUNCTIONS = (
     "startCommunicationRobotAct",
     "stopCommunicationRobotAct",
     "startInteractionRule",
@@ -344,10 +344,9 @@ class ContentReader:
     def read_call(self, element: Element) -> list[Node]:
         """`<send type="x-rise" event="startCommunicationRobotAct">` with the behaviour in a `<param>`."""
         function = (element.get("event") or "").strip()
-        if function not in CALLED:
-            message = (
-                f"of the functions of rules, {', '.join(CALLED)} can be sent; the others are `<raise>`, `<assign>`"
-            )
+        if function not in CALLED_FUNCTIONS:
+            names = ", ".join(CALLED_FUNCTIONS)
+            message = f"of the functions of rules, {names} can be sent; the others are `<raise>`, `<assign>`"
             self.refuse("foreign-type", element, message, "event")
             return []
         known = [child for child in element if child.tag == "param" and child.get("name") == "behavior"]

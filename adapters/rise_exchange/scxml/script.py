@@ -117,7 +117,7 @@ _LEVELS = (("||",), ("&&",), ("===", "!==", "==", "!="), ("<", "<=", ">", ">="),
 _FUNCTIONS = {"floor": 1, "ceil": 1, "abs": 1}
 """The functions of Math with the same meaning here, and the number of their arguments."""
 _LARGEST = 2**53
-_DEEPEST = 60
+_MAX_DEPTH = 60
 _PAYLOAD = ("data", "type", "sendid")
 
 
@@ -235,8 +235,8 @@ class _ScriptParser:
 
     def unary(self) -> ScriptNode:
         self.depth += 1
-        if self.depth > _DEEPEST:
-            raise ChartRefusedError("expression", f"this is nested more than {_DEEPEST} deep")
+        if self.depth > _MAX_DEPTH:
+            raise ChartRefusedError("expression", f"this is nested more than {_MAX_DEPTH} deep")
         try:
             if operator := self.sign("!", "-", "+"):
                 return Operation({"!": "not", "-": "negative", "+": "positive"}[operator], (self.unary(),))

@@ -68,7 +68,7 @@ def engine(given, restarts):
     def go_on(event, context):
         if not restarts or context.is_shutdown or not arguments.is_crash(event.returncode):
             return [EmitEvent(event=Shutdown(reason="the session has ended"))]
-        again = engine(arguments.after_a_crash(given), restarts - 1)
+        again = engine(arguments.recovery_arguments(given), restarts - 1)
         return [
             LogInfo(msg=f"the engine has crashed ({event.returncode}); it goes on with the session"),
             TimerAction(period=RESTART_SECONDS, actions=again),

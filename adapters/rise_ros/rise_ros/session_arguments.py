@@ -55,9 +55,9 @@ ARGUMENTS = {
 }
 """Each argument's default and help. Arguments without a value are not passed on."""
 
-_OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
+_LAUNCH_ARGUMENTS = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
-_IN_ORDER = {*range(7), 74, 130}
+_ORDERLY_STATUSES = {*range(7), 74, 130}
 """Exit statuses after which a restart is useless: the session ended, even with open goals on the robot (6) or without
 the end of its record (74), or was refused (as in the systemd unit)."""
 
@@ -73,7 +73,7 @@ def find_problems(given: Mapping[str, str], typed: Iterable[str]) -> list[str]:
     problems = []
     for word in typed:
         name = word.partition(":=")[0]
-        if name not in (*ARGUMENTS, *_OF_LAUNCH):
+        if name not in (*ARGUMENTS, *_LAUNCH_ARGUMENTS):
             near = get_close_matches(name, ARGUMENTS, 1)
             hint = f"did you mean {near[0]}?" if near else "ros2 launch rise_ros session.launch.py --show-args"
             problems.append(f"the launch argument {name} is unknown; {hint}")
@@ -125,9 +125,9 @@ def robot_ros_arguments(given: Mapping[str, str]) -> list[str]:
 
 def is_crash(returncode: int) -> bool:
     """Whether an ended engine has neither ended its session nor refused it."""
-    return returncode not in _IN_ORDER
+    return returncode not in _ORDERLY_STATUSES
 
 
-def after_a_crash(given: Mapping[str, str]) -> dict[str, str]:
+def recovery_arguments(given: Mapping[str, str]) -> dict[str, str]:
     """Return the same arguments to continue the unfinished session. (A file of parameters may say `new`.)"""
     return {**given, "new": "false", "tasks": "", "recover": "true"}

@@ -25,7 +25,7 @@ from rise_engine.scenario.model import Act, Action, ActionCall, Rule
 from rise_engine.scenario.speech.ssml import plain_words
 
 PieceRole: TypeAlias = Literal["name", "label", "note"]
-FAR = 8
+LONG_RAIL = 8
 """Rows of a rail beyond which the label also names the target."""
 MIN_NAME_WIDTH = 4
 """Minimum cells of a state's name that stay visible."""
@@ -98,7 +98,7 @@ def _transition_pieces(layout: GraphLayout, edge: GraphEdge, column: int) -> lis
     label, tail = clean(edge.label), ""
     if edge.kind in ("stays", "again"):
         tail = edge.kind
-    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > FAR):
+    elif edge.target is not None and (edge.kind == "word" or _rail_length(layout, edge) > LONG_RAIL):
         tail = "→ " + shorten_to(edge.target, max((room - 4) // 2, room - 4 - cell_length(label)))
     label = shorten_to(label, max(3, room - cell_length(tail) - (2 if tail else 0)))
     pieces = [Piece(column, label, "label")]

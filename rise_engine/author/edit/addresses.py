@@ -99,7 +99,7 @@ def check_name(kind: str, name: str) -> str:
     return name
 
 
-def still_named(study: StudyState, kind: UsedKind, name: str, *, within: str = "") -> tuple[str, ...]:
+def remaining_mentions(study: StudyState, kind: UsedKind, name: str, *, within: str = "") -> tuple[str, ...]:
     """Return sentences on places that still name a removed part; empty: there are none.
 
     :param within: the act or rule that is removed or contains the part; uses in it do not count.

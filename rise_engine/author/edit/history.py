@@ -75,7 +75,7 @@ class History:
         """Return the names of all files that any step changes."""
         return {name for steps in (self.done, self.undone, self.saved) for step in steps for name in step.files}
 
-    def lay_under(self, on_disk: Mapping[str, bytes | None]) -> None:
+    def take_over_disk(self, on_disk: Mapping[str, bytes | None]) -> None:
         """Take over files that changed outside and that no step changes."""
         known: dict[int, Step] = {}
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from msgspec import Struct
 
-from rise_engine.author.edit.addresses import act_of, check_changeable, check_name, rule_of, still_named, xml_of
+from rise_engine.author.edit.addresses import act_of, check_changeable, check_name, remaining_mentions, rule_of, xml_of
 from rise_engine.author.edit.edits import (
     AddAct,
     AddRule,
@@ -248,7 +248,7 @@ def _remove(kind: _Kind, name: str, study: StudyState) -> Plan:
         check_changeable(f"`{name}`", f"{part.reason}, together with others")
     says = (f"the {kind.word} {name} is removed",)
     node = part.node
-    noticed = still_named(study, "act" if kind is _ACTS else "rule", name, within=name)
+    noticed = remaining_mentions(study, "act" if kind is _ACTS else "rule", name, within=name)
     translations = follow_act(study, name, lambda _: None) if kind is _ACTS else ()
     if node.parent is None:
         return Plan(translations, written={part.file: None}, says=says, noticed=noticed)

@@ -61,7 +61,7 @@ def _difference_text(file: str, old: bytes, new: str) -> str:
     return f"{file}, line {changed[0] + 1}, is “{is_now}” (was “{was}”)"
 
 
-_OF_FILES: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace_file}
+_FILE_PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace_file}
 
 
 # --- every kind of edit ----------------------------------------------------------------------------------------------
@@ -70,10 +70,10 @@ _OF_FILES: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
 """A planner for one kind of edit. Raises EditRefused for an edit that cannot be made."""
 
-_OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
+_MODULE_PLANNERS: tuple[Mapping[type[Edit], Planner], ...] = (
     acts.PLANNERS,
     memory.PLANNERS,
-    _OF_FILES,
+    _FILE_PLANNERS,
     parts.PLANNERS,
     rename.PLANNERS,
     settings.PLANNERS,
@@ -83,7 +83,7 @@ _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     translations.PLANNERS,
 )
 """The edits that each module can plan, its `PLANNERS`."""
-PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for edit, planner in part.items()}
+PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _MODULE_PLANNERS for edit, planner in part.items()}
 
 
 def plan(edit: Edit, study: StudyState) -> Plan:

@@ -140,7 +140,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
     says = (
         f"{names.what} is called `{names.new}` now, in {pluralize(len(splices), 'place')} of {pluralize(files, 'file')}"
     )
-    return Plan(splices=tuple(splices), says=(says,), noticed=tuple(_noticed(names, study, splices)))
+    return Plan(splices=tuple(splices), says=(says,), noticed=tuple(_rename_notes(names, study, splices)))
 
 
 def _owner_and_name(edit: Rename, uses: Uses) -> tuple[str, str]:
@@ -342,7 +342,7 @@ def _in_order(splices: list[Splice]) -> list[Splice]:
     return [unique[key] for key in sorted(unique)]
 
 
-def _noticed(names: _RenamedName, study: StudyState, splices: list[Splice]) -> Iterator[str]:
+def _rename_notes(names: _RenamedName, study: StudyState, splices: list[Splice]) -> Iterator[str]:
     kind, new = names.edit.kind, names.new
     other = {"act": "rule", "rule": "act"}.get(kind)
     if other is not None and names.uses.of("act" if other == "act" else "rule", new):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_engine.author.edit.addresses import check_changeable, check_name, rule_of, state_of, still_named
+from rise_engine.author.edit.addresses import check_changeable, check_name, remaining_mentions, rule_of, state_of
 from rise_engine.author.edit.edits import (
     AddState,
     AddTransition,
@@ -93,7 +93,7 @@ def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
         splices += _without_state(shared, edit.state)
     if len(rule.node) == 1 and (emptied := collapse(rule.node)) is not None:
         splices = [emptied]
-    noticed = still_named(study, "state", f"{edit.rule}/{edit.state}", within=edit.rule)
+    noticed = remaining_mentions(study, "state", f"{edit.rule}/{edit.state}", within=edit.rule)
     return Plan(tuple(splices), says=(f"{edit.rule} loses the state {edit.state}",), noticed=noticed)
 
 
@@ -274,7 +274,8 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
             if before is not None and behind is not None and before.node is behind.node:
                 break
             splices = move_siblings(transition.node, transition.node, node, node, behind=not is_behind)
-            says = f"{transition.states_text}: the transition {transition_words(transition.written.form)} is number {to + 1} now"
+            words = transition_words(transition.written.form)
+            says = f"{transition.states_text}: the transition {words} is number {to + 1} now"
             return Plan(splices, says=(says,))
     raise EditRefused("a transition cannot move past this place: a state tries its own transitions before shared ones")
 

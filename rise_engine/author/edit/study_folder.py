@@ -35,13 +35,13 @@ from rise_engine.scenario.files.study_paths import (
     why_not_written,
 )
 from rise_engine.scenario.files.tree import (
-    FRESH,
+    NEW_SUFFIX,
     NOTE,
     SavedFile,
     contents_of_interrupted_save,
     fresh_path,
+    pending_contents,
     read_note,
-    still_to_do,
     sum_of,
     sum_on_disk,
 )
@@ -235,7 +235,7 @@ def finish_interrupted(folder: Path) -> tuple[str, ...]:
 def _unfinished_files(folder: Path) -> Iterator[Path]:
     """Yield new contents that were not renamed: in the folder, and at the targets of its links."""
     for path in [*folder.rglob("*")]:
-        if path.name.startswith(".") and path.name.endswith(FRESH):
+        if path.name.startswith(".") and path.name.endswith(NEW_SUFFIX):
             yield path
         elif path.is_symlink() and not why_not_written(folder, path.relative_to(folder).as_posix()):
             yield fresh_path(Path(os.path.realpath(path)))
@@ -315,7 +315,7 @@ def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
 
 def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
     """Rename all new contents, and return the names that were still missing."""
-    left = still_to_do(folder, note)
+    left = pending_contents(folder, note)
     for name, content in left.items():
         path = folder / name
         if content is None:

@@ -144,7 +144,7 @@ class Workspace:
         """Check the result of edits without making them. :raises EditRefused: an edit cannot be made."""
         return self._plan(edits)[0].checked
 
-    def foresee(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
+    def preview_edits(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
         """Compute the effect of edits without making them; impossible ones are omitted, with their reasons."""
         now = self.files, self._state
         says: list[str] = []
@@ -244,7 +244,7 @@ class Workspace:
             edits = tuple(edit for change in changes for edit in change.edits)
             self._history.begin_anew([Step(Change(edits, says), now, files)] if own else [])
         else:
-            self._history.lay_under({name: now.get(name) for name in changed})
+            self._history.take_over_disk({name: now.get(name) for name in changed})
         self.files, self.saved = files, now
         self._keep_draft()
         clash = tuple(sorted(name for name in changed & own if files.get(name) != now.get(name)))

@@ -136,7 +136,7 @@ def place_of(finding: Diagnostic, study: StudyState) -> FindingPlace | None:
 # --- remedies --------------------------------------------------------------------------------------------------------
 
 
-_OF_EXPRESSIONS = ("condition", "assignment", "time")
+_EXPRESSION_KINDS = ("condition", "assignment", "time")
 _NUMBER = re.compile(r"\s*([\d.]+)\s*\Z")
 _ATTRIBUTE = re.compile(r"""[\w:.-]+\s*=\s*(?:"[^"]*"|'[^']*')""")
 _CONFLICT = re.compile(
@@ -149,10 +149,10 @@ _BLANKS = " \t"
 WrittenRemedy = tuple[str, AnyEdit]
 
 
-def _meant_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
+def _suggest_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """Offer the nearest right name."""
     suggestion = place.finding.suggestion
-    if suggestion is UNSET or not suggestion.meant or place.finding.code in _OF_EXPRESSIONS:
+    if suggestion is UNSET or not suggestion.meant or place.finding.code in _EXPRESSION_KINDS:
         return
     wrong, meant, written = suggestion.written, suggestion.meant, place.written
     mark = "<" if written.startswith("<") else written[:1] if written[:1] in ("'", '"') else ""
@@ -164,10 +164,10 @@ def _meant_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
     yield f"write {meant}", place.rewritten(TextEdit(at, at + len(inner), place.escaped(slash + meant)))
 
 
-def _meant_sign(place: FindingPlace) -> Iterator[WrittenRemedy]:
+def _suggest_operator(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """Offer the operator for `AND`, `&` or `≥`, and the known function for an unknown one."""
     suggestion = place.finding.suggestion
-    if suggestion is UNSET or place.finding.code not in _OF_EXPRESSIONS:
+    if suggestion is UNSET or place.finding.code not in _EXPRESSION_KINDS:
         return
     for written in dict.fromkeys((place.escaped(suggestion.written), suggestion.written)):
         if place.text.startswith(written, place.start):
@@ -254,8 +254,8 @@ def _own_id(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 WRITTEN: tuple[Callable[[FindingPlace], Iterable[WrittenRemedy]], ...] = (
-    _meant_name,
-    _meant_sign,
+    _suggest_name,
+    _suggest_operator,
     _quoted_word,
     _time_unit,
     _escaped_marks,

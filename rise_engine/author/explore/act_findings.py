@@ -132,7 +132,7 @@ def _is_spontaneous(move: Move) -> bool:
     return move.is_spontaneous
 
 
-_TRIED = 5
+_MAX_TRIES = 5
 """Maximum number of cases that are tested for repetition."""
 
 
@@ -180,7 +180,7 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
         last = situation.waiting[-1]
         cases.setdefault((last.name, last.source.removeprefix("rule:")), []).append((number, situation))
     for (act, rule), found in cases.items():
-        endless = any(_comes_again(explored, number, situation) for number, situation in found[:_TRIED])
+        endless = any(_can_grow_again(explored, number, situation) for number, situation in found[:_MAX_TRIES])
         times = "any number of times" if endless else "twice"
         fact = ("in line", act, f"rule:{rule}")
         yield ExploreFinding(
@@ -195,7 +195,7 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
         )
 
 
-def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
+def _can_grow_again(explored: Explored, number: Number, longer: Situation) -> bool:
     """Return whether the queue can grow again: the situation without the added act can lead to the same addition.
 
     The behaviour of rules does not depend on the queue.

@@ -30,7 +30,7 @@ from rise_engine.scenario.model import Scenario
 
 _PORTION = 64
 """Situations that a core gets at a time: enough to make sending them cheap."""
-_AHEAD = 3
+_PORTIONS_PER_CORE = 3
 """Portions in progress at once for each core."""
 _SECONDS = 0.05
 """Seconds to wait for a portion before asking again whether to continue."""
@@ -56,7 +56,7 @@ def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> Non
     under_way: deque[tuple[list[Number], ApplyResult[_Followed]]] = deque()
     with context.Pool(cores, _begin, (space.stepper,)) as pool:
         while (space.pending or under_way) and len(space.situations) <= most and go_on():
-            while space.pending and len(under_way) < _AHEAD * cores:
+            while space.pending and len(under_way) < _PORTIONS_PER_CORE * cores:
                 portion = space.take_pending(_PORTION)
                 numbers = [number for number, _, _ in portion]
                 under_way.append((numbers, pool.apply_async(_follow, (portion,))))
@@ -277,7 +277,7 @@ def _scope_sentences(explored: Explored) -> Sequence[str]:
             f"Exploring stopped early: what follows from {pluralize(len(space.pending), 'situation')} is unknown. "
             "There may be problems that are not listed here."
         )
-    for why, text in _BEYOND.items():
+    for why, text in _BOUND_TEXTS.items():
         number = sum(why in reasons for reasons in space.beyond.values())
         if number:
             sentences.append(f"In {pluralize(number, 'situation')} {text}. What follows from that was not explored.")
@@ -298,7 +298,7 @@ def _scope_sentences(explored: Explored) -> Sequence[str]:
     return sentences
 
 
-_BEYOND = {
+_BOUND_TEXTS = {
     "line": "one more act could wait",
     "beside": "one more act could run beside others",
     "asked": "one more failed act could wait for an answer",

@@ -44,7 +44,7 @@ def keys_that_matter(
                 writes += _assignments_in(block)
                 _add_reads_of_block(block, {}, matter)
     started = memories or [{}]
-    emptied = {each.key.partition(".")[0] for each in writes if _may_give_nothing(each)}
+    emptied = {each.key.partition(".")[0] for each in writes if _may_be_null(each)}
     for act in scenario.acts.values():
         matter |= {
             key
@@ -74,7 +74,7 @@ def assignments_of(scenario: Scenario) -> Iterator[Assignment]:
         yield from (each.assignment for each in rule.functions if each.assignment is not None)
 
 
-def _may_give_nothing(assignment: Assignment) -> bool:
+def _may_be_null(assignment: Assignment) -> bool:
     """Return whether an assignment can remove a key's value: its result can be null."""
     expression = assignment.expression
     if expression is None:

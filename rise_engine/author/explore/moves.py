@@ -160,9 +160,9 @@ class Moves:
                     yield Possibility(
                         Move("answer", act.name, index, answer), _submit(answer, _asked_id(situation, index))
                     )
-        yield from self._of_acts(situation)
-        yield from self._of_countdowns(situation)
-        yield from self._of_mishaps(situation)
+        yield from self._act_moves(situation)
+        yield from self._countdown_moves(situation)
+        yield from self._mishap_moves(situation)
 
     def limits(self, situation: Situation) -> list[int]:
         """Return the maximum of each clock, in ms."""
@@ -172,7 +172,7 @@ class Moves:
         ]
         return acts + [countdown.length for countdown in situation.countdowns]
 
-    def _of_acts(self, situation: Situation) -> Iterator[Possibility]:
+    def _act_moves(self, situation: Situation) -> Iterator[Possibility]:
         foreign, own = (
             1,
             1 + len(situation.waiting) + len(situation.running) + len(situation.asked) + len(situation.rules),
@@ -200,7 +200,7 @@ class Moves:
             ):
                 yield _end(task, act.name, index, "accepted", clock, 0, _FOREVER)
 
-    def _of_countdowns(self, situation: Situation) -> Iterator[Possibility]:
+    def _countdown_moves(self, situation: Situation) -> Iterator[Possibility]:
         first = 1 + len(situation.running)
         for index, countdown in enumerate(situation.countdowns):
             if self._bounds.pace is None and any(
@@ -211,7 +211,7 @@ class Moves:
             move = Move("timer", countdown.owner, index, countdown.purpose)
             yield Possibility(move, TimerElapsed(t=1.0, timer=index + 1), first + index, length, length)
 
-    def _of_mishaps(self, situation: Situation) -> Iterator[Possibility]:
+    def _mishap_moves(self, situation: Situation) -> Iterator[Possibility]:
         bounds = self._bounds
         if situation.stop == "requested":
             yield _STOPPED

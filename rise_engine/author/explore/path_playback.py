@@ -34,7 +34,7 @@ GAPS = (0.5, 0.02)
 """Seconds from the previous step to a person's action; the comfortable one is tried first."""
 SEEDS = 25
 """Number of seeds that are tried for paths with chance."""
-_SHORTLY = 0.3
+_BEFORE_END_SECONDS = 0.3
 """Seconds before an act's end for an action that would otherwise be forgotten."""
 _LATER = 60.0
 """Virtual seconds that a step may take beyond its countdowns."""
@@ -156,16 +156,16 @@ class _Play:
     def go(self) -> None:
         """Let time pass until the path's end, or until something differs from it."""
         self._engine.start()
-        while self.reached + 1 < len(self._followed) and self._comes(self.reached + 1):
+        while self.reached + 1 < len(self._followed) and self._matches_path(self.reached + 1):
             self.reached, self.reached_at = self.reached + 1, self._clock.now()
         self._engine.abandon()
 
-    def _comes(self, step: int) -> bool:
+    def _matches_path(self, step: int) -> bool:
         """Return whether a step comes as in the path, after the one before."""
         each, before, move = self._followed[step], self._followed[step - 1], self._move(step)
         if each.submitted is not None:
             return self._submit(step) and self._wait(step)
-        if move.kind in ("lost", "back") and not self._cut(move.kind == "lost"):
+        if move.kind in ("lost", "back") and not self._check_link(move.kind == "lost"):
             return False
         fails = move.kind == "end" and move.how in ("failed", "aborted") and not before.situation.robot_lost
         if fails and step not in self.needs.slips:
@@ -182,7 +182,7 @@ class _Play:
         """Delay an action until shortly before an act's end, if it would otherwise be forgotten."""
         ends = (each.ended_at for each in self._records if isinstance(each, TimingRecord) and each.act == act)
         end = next((at for at in ends if at is not None and at > self.times[step]), 0.0)
-        if (delay := end - _SHORTLY - self.times[step]) > 0:
+        if (delay := end - _BEFORE_END_SECONDS - self.times[step]) > 0:
             self.wanted = replace(self.needs, delays={**self.needs.delays, step: delay})
 
     def _submit(self, step: int) -> bool:
@@ -200,7 +200,7 @@ class _Play:
             pass
         return done == [True]
 
-    def _cut(self, is_lost: bool) -> bool:
+    def _check_link(self, is_lost: bool) -> bool:
         """Return whether the robot is lost, or back, at the path's time; False: play again with that fault."""
         losses = self.needs.losses
         self._losses += is_lost

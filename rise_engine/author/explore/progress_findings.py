@@ -13,7 +13,7 @@ from rise_engine.scenario.reading.graph import component_numbers
 def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
     """Find situations in which only stopping everything can still move a running rule."""
     for rule in explored.scenario.rules.values():
-        stuck = explored.stuck(rule.name)
+        stuck = explored.stuck_situations(rule.name)
         if not stuck:
             continue
         states = {state: None for number in stuck if (state := explored.state_of(rule.name, number)) is not None}
@@ -48,7 +48,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
     if all(explored.state_of(end.name, number) is None for number in range(len(explored.situations))):
         return  # started from outside: `never-started` reports that
     able = explored.reaching(explored.ends | explored.unknown, is_planned)
-    stuck = set(explored.stuck(end.name))  # reported as dead ends
+    stuck = set(explored.stuck_situations(end.name))  # reported as dead ends
     lost = [number for number in range(len(explored.situations)) if number not in able and number not in stuck]
     if lost:
         states = {explored.state_of(end.name, number): None for number in lost}

@@ -160,7 +160,7 @@ class Explored:
         """Whether the bounds left something unexplored."""
         return bool(self.unknown)
 
-    def stuck(self, rule: str) -> list[Number]:
+    def stuck_situations(self, rule: str) -> list[Number]:
         """Return the situations in which the rule runs and no planned move can still change it."""
         if rule not in self._stuck:
             running = [number for number in range(len(self.situations)) if self.state_of(rule, number) is not None]

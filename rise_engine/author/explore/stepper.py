@@ -120,7 +120,7 @@ class Stepper:
                 yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # the same act would also wait
                 continue
             when = zone
-            if timed and possibility.move.kind == "timer" and _comes_second(situation, zone, possibility.move.place):
+            if timed and possibility.move.kind == "timer" and _is_always_later(situation, zone, possibility.move.place):
                 continue
             if timed and possibility.clock:
                 narrowed = narrow(zone, possibility.clock, possibility.least, possibility.most)
@@ -328,7 +328,7 @@ _START_ACT = "startCommunicationRobotAct"
 _CUT = ("interrupted by ", "stopped by rule:")
 
 
-def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
+def _is_always_later(situation: Situation, zone: Zone, place: int) -> bool:
     """Return whether an equally long timer of an earlier transition, set with this one, always elapses first."""
     own = situation.countdowns[place]
     first = 1 + len(situation.running)

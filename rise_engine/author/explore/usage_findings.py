@@ -25,7 +25,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
     scenario = explored.scenario
     entered = {(fact[1], fact[2]) for fact in explored.facts("state")}
     taken = {(fact[1], fact[2], fact[3]) for fact in explored.facts("transition")}
-    within = _within(explored)
+    within = _scope(explored)
     for rule in scenario.rules.values():
         if not any(name == rule.name for name, _ in entered):
             yield ExploreFinding(
@@ -149,7 +149,7 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
             yield ExploreFinding(
                 kind="idle-key",
                 level="warning",
-                text=f"the key {key.label}{title} never does anything that a rule or an act notices{_within(explored)}",
+                text=f"the key {key.label}{title} never does anything that a rule or an act notices{_scope(explored)}",
                 location=key.location,
                 key=name,
             )
@@ -160,12 +160,14 @@ def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
     for name, key in explored.space.stepper.moves.keys.items():
         if key.function == "raiseEventTopic" and key.keep is None:
             title = f" ({key.title})" if key.title else ""
-            yield from _lost(explored, Move("key", name), f"the key {key.label}{title}", normal_topic(key.behavior))
+            yield from _lost_finding(
+                explored, Move("key", name), f"the key {key.label}{title}", normal_topic(key.behavior)
+            )
     if CUE_TOPICS[0] in explored.scenario.topics and explored.scenario.cue_keep is None:
-        yield from _lost(explored, Move("cue", how="marked"), "the participant's cue", CUE_TOPICS[0])
+        yield from _lost_finding(explored, Move("cue", how="marked"), "the participant's cue", CUE_TOPICS[0])
 
 
-def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[ExploreFinding]:
+def _lost_finding(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[ExploreFinding]:
     """Return the finding about one key or cue that raises this event, if it can be lost."""
     rules = [
         rule
@@ -280,7 +282,7 @@ def _is_followed(function: str) -> bool:
     return function != "startCommunicationRobotAct"
 
 
-def _within(explored: Explored) -> str:
+def _scope(explored: Explored) -> str:
     """Return the qualification of a "never"."""
     faults = explored.space.stepper.bounds.faults
     wrong = (

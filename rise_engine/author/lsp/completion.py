@@ -86,9 +86,9 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
     start = len(before) - len(written)
     match key:
         case "act" | "stop_act":
-            return start, _named(checked.draft.acts, "act")
+            return start, _name_proposals(checked.draft.acts, "act")
         case "rule" | "stop_rule":
-            return start, _named(checked.draft.rules, "rule")
+            return start, _name_proposals(checked.draft.rules, "rule")
         case "event" | "speech":
             return start, _events(checked)
         case "measure" if table == "trials":
@@ -116,7 +116,11 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
         found = _TOML_TEXT.search(line)
         name, written = found.groups() if found is not None else ("", "")
         values = {"keys": get_args(ExploredKeys), "pace": ("any",)}.get(name, ())
-        names = _named(checked.draft.rules, "rule") if name == "end" else [Proposal(each, "value") for each in values]
+        names = (
+            _name_proposals(checked.draft.rules, "rule")
+            if name == "end"
+            else [Proposal(each, "value") for each in values]
+        )
         return end - len(written), names
     if table == "explore.tries":
         return (end - len(key.group(1)), _keys(checked)) if key is not None and key.start() == 0 else (end, [])
@@ -125,9 +129,9 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
         function, rule, written = asked.groups()
         start = end - len(written)
         if function in ("runs", "waits"):
-            return start, _named(checked.draft.acts, "act") if rule is None else []
+            return start, _name_proposals(checked.draft.acts, "act") if rule is None else []
         if rule is None:
-            return start, _named(checked.draft.rules, "rule")
+            return start, _name_proposals(checked.draft.rules, "rule")
         return start, _states(checked, rule) if function == "in" else []
     text = _TOML_CONDITION.search(line)
     if text is not None:
@@ -177,9 +181,9 @@ class _XmlPlace:
             return end, []
         match form.holds:
             case "act":
-                return start, _named(checked.draft.acts, "act")
+                return start, _name_proposals(checked.draft.acts, "act")
             case "rule":
-                return start, _named(checked.draft.rules, "rule")
+                return start, _name_proposals(checked.draft.rules, "rule")
             case "event":
                 return start, _events(checked)
             case "state" if form.of:
@@ -258,13 +262,13 @@ def _parameters(spec: ActionSpec) -> Iterator[Proposal]:
     yield from (Proposal(each, "element") for each in COMMON)
 
 
-def _named(names: Iterable[str], kind: str) -> list[Proposal]:
+def _name_proposals(names: Iterable[str], kind: str) -> list[Proposal]:
     return [Proposal(name, kind) for name in names]
 
 
 def _states(checked: LoadResult, rule: str) -> list[Proposal]:
     found = checked.draft.rules.get(rule)
-    return _named(found.states, "state") if found is not None else []
+    return _name_proposals(found.states, "state") if found is not None else []
 
 
 def _events(checked: LoadResult) -> list[Proposal]:
@@ -274,7 +278,7 @@ def _events(checked: LoadResult) -> list[Proposal]:
 
 def _keys(checked: LoadResult) -> list[Proposal]:
     names = {*checked.draft.settable_keys, *checked.draft.tables, *checked.uses.names("key")}
-    return _named(sorted(names), "key")
+    return _name_proposals(sorted(names), "key")
 
 
 def _word(written: str) -> str:

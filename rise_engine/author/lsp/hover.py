@@ -117,22 +117,22 @@ def hover_text(study: ServedStudy, name: str, offset: int) -> str:
     if source is None:
         return ""
     use = study.use_at(name, offset)
-    parts = [_of_use(study, use)] if use is not None else []
+    parts = [_describe_use(study, use)] if use is not None else []
     line_start = source.text.rfind("\n", 0, offset) + 1
     line = source.text[line_start : source.text.find("\n", offset) + 1 or None]
     if name.lower().endswith(".xml"):
         for found in _CONDITION.finditer(line):
             if found.start() <= offset - line_start <= found.end():
-                parts.append(_of_condition(found.group(1) if found.group(1) is not None else found.group(2)))
+                parts.append(_describe_condition(found.group(1) if found.group(1) is not None else found.group(2)))
         for found in _ELEMENT.finditer(line):
             if found.start() <= offset - line_start <= found.end():
-                parts.append(_of_element(study, found.group(1)))
+                parts.append(_describe_element(study, found.group(1)))
     elif name.lower().endswith(".toml"):
         parts += explore_notes(source.text, offset)
     return "\n\n".join(part for part in parts if part)
 
 
-def _of_use(study: ServedStudy, use: Use) -> str:
+def _describe_use(study: ServedStudy, use: Use) -> str:
     draft = study.checked.draft
     count = sum(not each.defines for each in study.uses_like(use))
     lines = [f"**{use.name}** ({use.kind}), named in {pluralize(count, 'place')}"]
@@ -148,7 +148,7 @@ def _of_use(study: ServedStudy, use: Use) -> str:
     return "\n\n".join(lines)
 
 
-def _of_condition(written: str) -> str:
+def _describe_condition(written: str) -> str:
     """Return the program's reading of a rule's condition."""
     text = re.sub(r"&\w+;", lambda found: _ENTITIES.get(found.group(), found.group()), written)
     try:
@@ -157,16 +157,16 @@ def _of_condition(written: str) -> str:
         return ""
 
 
-def _of_element(study: ServedStudy, tag: str) -> str:
+def _describe_element(study: ServedStudy, tag: str) -> str:
     """Return the purpose of an action or a parameter."""
     actions = study.checked.robot.actions
     if (spec := actions.get(tag)) is not None:
         return f"**{tag}**: {spec.help}" if spec.help else ""
     parameters = {encode(each): each for spec in actions.values() for each in [spec.parameters.get(tag)] if each}
-    return "\n\n".join(_of_parameter(each) for each in list(parameters.values())[:3])
+    return "\n\n".join(_describe_parameter(each) for each in list(parameters.values())[:3])
 
 
-def _of_parameter(parameter: Parameter) -> str:
+def _describe_parameter(parameter: Parameter) -> str:
     limits = [
         f"{word} {limit:g}"
         for word, limit in (("from", parameter.minimum), ("to", parameter.maximum))

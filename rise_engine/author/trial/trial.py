@@ -31,7 +31,7 @@ LONGEST = 600.0
 """Maximum seconds until something waits for a person."""
 LIVELOCK = 20_000
 """Number of inputs in one moment that indicates an endless loop, which stops the clock."""
-PRESS_AFTER = 0.1
+PRESS_DELAY_SECONDS = 0.1
 """Seconds from an event to a person's action, because nobody presses a key at the same moment."""
 
 StepKind: TypeAlias = Literal["task", "go_on", "wait"]
@@ -181,7 +181,11 @@ class Trial:
         if at is None:
             now = self.now
             is_free = self._handled_until < now or now == 0
-            at = now if is_free and not self._has_step_at(now) else (floor(now / PRESS_AFTER + 1e-6) + 1) * PRESS_AFTER
+            at = (
+                now
+                if is_free and not self._has_step_at(now)
+                else (floor(now / PRESS_DELAY_SECONDS + 1e-6) + 1) * PRESS_DELAY_SECONDS
+            )
         return self._do(TrialStep("task", round(at, 6), task, key))
 
     def _has_step_at(self, now: float) -> bool:
@@ -241,7 +245,7 @@ class Trial:
         self.steps.append(step)
         return step
 
-    def _does_only(self, acts: set[str]) -> bool:
+    def _is_idle_except(self, acts: set[str]) -> bool:
         """Return whether the robot is idle, or only performs these acts."""
         view = self.view
         return view.stop.status != "requested" and all(
@@ -270,7 +274,7 @@ class Trial:
                 if isinstance(record, TaskRecord) and record.function in ACT_FUNCTIONS and record.status == "ACTIVE":
                     (again if record.behavior in begun else begun).add(record.behavior)
             seen = len(self.records)
-            if due > self.now and self.view.seq > seq and self._does_only(again):
+            if due > self.now and self.view.seq > seq and self._is_idle_except(again):
                 return
             if due > deadline:
                 self.problem = f"after {LONGEST / 60:.0f} minutes something still goes on by itself"
@@ -291,7 +295,7 @@ class _CircleGuard:
         self.text = ""
 
     def is_looping(self, now: float) -> bool:
-        if now > self._moment + PRESS_AFTER:
+        if now > self._moment + PRESS_DELAY_SECONDS:
             self._moment, self._inputs = now, self._engine.inputs
         if self._engine.inputs - self._inputs > LIVELOCK:
             self.text = f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles"

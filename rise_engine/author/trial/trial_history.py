@@ -32,7 +32,7 @@ from rise_engine.kernel.task_view import ACT_FUNCTIONS
 from rise_engine.scenario.speech.ssml import plain_words
 
 HistoryKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
-_WELL = ("succeeded", "accepted")
+_GOOD_STATUSES = ("succeeded", "accepted")
 
 
 class HistoryLine(Struct, frozen=True):
@@ -167,7 +167,7 @@ def _act_line(record: TaskRecord, what: str, rule: str) -> HistoryLine | None:
 
 
 def _action_line(record: ActionRecord) -> HistoryLine | None:
-    if record.status in ENDINGS and record.status not in _WELL:
+    if record.status in ENDINGS and record.status not in _GOOD_STATUSES:
         words = words_of(record)
         return HistoryLine(record.t, "problem", f"{words.kind} {words.text}")
     if record.status != "started":

@@ -306,7 +306,7 @@ def events_to_raise(trial: Trial) -> list[str]:
 # --- the memory -------------------------------------------------------------------------------------------------------
 
 
-def memory_that_counts(trial: Trial, rule: str) -> list[MemoryLine]:
+def relevant_memory(trial: Trial, rule: str) -> list[MemoryLine]:
     """List the memory keys that a rule reads or sets in its present state, in alphabetical order.
 
     :param rule: the name of a rule; one that does not run counts with its initial state.

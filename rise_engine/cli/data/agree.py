@@ -20,7 +20,7 @@ from rise_engine.cli.options import ALL_SESSIONS, STUDIES_OR_SESSIONS
 from rise_engine.cli.terminal import json_document, print_notes, refusing, table_lines, write_bytes
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.agreement import (
-    FEW,
+    SMALL_SAMPLE,
     AgreementReport,
     Differences,
     Estimate,
@@ -180,7 +180,7 @@ def agreement_csv(report: AgreementReport) -> str:
         at = f"{cue.at:.6f}".rstrip("0").rstrip(".")
         for name, decision in cue.decisions.items():
             latency = "" if decision.latency is None else f"{decision.latency:.6g}"
-            of_session = _of_session(cue.facts).values()
+            of_session = _session_fields(cue.facts).values()
             writer.writerow((*of_session, cue.number, at, name, decision.label, latency, decision.why))
     return out.getvalue()
 
@@ -188,10 +188,12 @@ def agreement_csv(report: AgreementReport) -> str:
 def agreement_json(report: AgreementReport) -> dict[str, Any]:
     """Return everything: each cue, each marked act, and all statistics."""
     cues = [
-        {**_of_session(cue.facts), "cue": cue.number, "cue_at_s": cue.at, "decisions": cue.decisions}
+        {**_session_fields(cue.facts), "cue": cue.number, "cue_at_s": cue.at, "decisions": cue.decisions}
         for cue in report.cues
     ]
-    marks = [{**_of_session(act.facts), "task": act.task, "act": act.act, "marks": act.marks} for act in report.marks]
+    marks = [
+        {**_session_fields(act.facts), "task": act.task, "act": act.act, "marks": act.marks} for act in report.marks
+    ]
     return {
         "wizards": report.wizards,
         "sessions": report.sessions,
@@ -204,7 +206,7 @@ def agreement_json(report: AgreementReport) -> dict[str, Any]:
     }
 
 
-def _of_session(facts: SessionFacts) -> dict[str, Any]:
+def _session_fields(facts: SessionFacts) -> dict[str, Any]:
     return {"session": facts.session, "participant": facts.participant, "condition": facts.condition}
 
 
@@ -249,19 +251,19 @@ def _statistics(report: AgreementReport) -> Iterator[str]:
 
 def _group(group: GroupStatistics, *, several: bool) -> Iterator[str]:
     if several or not group.pairs:
-        yield from _entry("Krippendorff's alpha, all wizards", _value(group.alpha), _of(group.alpha, "cue"))
-        yield from _entry("ICC(A,1) of latencies, all wizards", _value(group.icc), _of(group.icc, "cue"))
+        yield from _entry("Krippendorff's alpha, all wizards", _value(group.alpha), _count_text(group.alpha, "cue"))
+        yield from _entry("ICC(A,1) of latencies, all wizards", _value(group.icc), _count_text(group.icc, "cue"))
     for pair in group.pairs:
         yield f"  {pair.first} and {pair.second}"
         yield from _pair(pair)
         if not several:
-            yield from _entry("Krippendorff's alpha", _value(group.alpha), _of(group.alpha, "cue"))
+            yield from _entry("Krippendorff's alpha", _value(group.alpha), _count_text(group.alpha, "cue"))
 
 
 def _pair(pair: PairStatistics) -> Iterator[str]:
-    yield from _entry("the same decision", _percent(pair.percent), _of(pair.percent, "cue"))
+    yield from _entry("the same decision", _percent(pair.percent), _count_text(pair.percent, "cue"))
     yield from _entry("Cohen's kappa", _value(pair.kappa), _error(pair.kappa))
-    yield from _entry("ICC(A,1) of latencies", _value(pair.icc), _of(pair.icc, "cue"))
+    yield from _entry("ICC(A,1) of latencies", _value(pair.icc), _count_text(pair.icc, "cue"))
     yield from _entry(f"latency of {pair.second} minus {pair.first}", *_difference(pair.latency))
     yield from _disagreements(pair)
 
@@ -280,10 +282,10 @@ def _marks(report: AgreementReport) -> Iterator[str]:
     yield "Marks for mistakes"
     for pair in report.marked.pairs:
         yield f"  {pair.first} and {pair.second}"
-        yield from _entry("the same mark, or both none", _percent(pair.percent), _of(pair.percent, "act"))
+        yield from _entry("the same mark, or both none", _percent(pair.percent), _count_text(pair.percent, "act"))
         yield from _entry("Cohen's kappa", _value(pair.kappa), _error(pair.kappa))
         yield from _disagreements(pair)
-    yield from _entry("Krippendorff's alpha", _value(report.marked.alpha), _of(report.marked.alpha, "act"))
+    yield from _entry("Krippendorff's alpha", _value(report.marked.alpha), _count_text(report.marked.alpha, "act"))
     yield ""
 
 
@@ -291,8 +293,8 @@ def _end(report: AgreementReport) -> Iterator[str]:
     yield "How to read this"
     for text in CAVEATS:
         yield from (f"  {line}" for line in wrap(text, WIDTH - 2))
-    if any(pair.percent.n < FEW for pair in report.groups[0].pairs):
-        yield f"  Fewer than {FEW} cues: intervals are wide, and that of kappa is too narrow."
+    if any(pair.percent.n < SMALL_SAMPLE for pair in report.groups[0].pairs):
+        yield f"  Fewer than {SMALL_SAMPLE} cues: intervals are wide, and that of kappa is too narrow."
     for remark in dict.fromkeys(report.remarks):
         yield from wrap(f"note: {remark}", WIDTH, subsequent_indent="      ")
 
@@ -331,7 +333,7 @@ def _difference(found: Differences) -> tuple[str, str]:
     return f"{found.mean:+.2f} s", f"limits of agreement {found.low:+.2f} to {found.high:+.2f} s"
 
 
-def _of(estimate: Estimate, what: str) -> str:
+def _count_text(estimate: Estimate, what: str) -> str:
     return f"of {pluralize(estimate.n, what)}" if estimate.value is not None else ""
 
 

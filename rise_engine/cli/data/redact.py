@@ -145,7 +145,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
             after = [each.with_written(words.replace, sources=True) if is_about(each) else each for each in before]
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
             others = [each.line for each in after if words.find(encode([*each.fields.values()]).decode())]
-            report.remains += _of_people(study, words)
+            report.remains += _find_in_people_files(study, words)
             if others:
                 lines = f"line{'s' if len(others) > 1 else ''} {name_some(others)}"
                 report.remains.append(f"{LOG_FILE}, {lines}: about another session, or a path or a name that stays")
@@ -161,7 +161,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
         return []
 
 
-def _of_people(study: Path, words: Words) -> list[str]:
+def _find_in_people_files(study: Path, words: Words) -> list[str]:
     """List where the words are in files of the study that only people write."""
     found = []
     for name in (STUDY_FILE, PARTICIPANTS_FILE, *sorted(questionnaire_files(study))):

@@ -45,7 +45,7 @@ from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.files.study_paths import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, spoken_as
+from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_info, speech_arguments
 from rise_engine.study.proof import ProvedSession, compared_files, prove_sessions
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError
@@ -78,7 +78,7 @@ class Reproduction(Struct):
     others: list[OtherCourse] = field(default_factory=list)
 
     @property
-    def as_it_was(self) -> bool:
+    def is_identical(self) -> bool:
         """Whether there are no differences."""
         same = all(each.comparison is not None and each.comparison.identical for each in self.others)
         follows = not (self.inputs.problems or self.derived.differences or self.problems)
@@ -134,7 +134,7 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
         write_json(_document(path, found, robot))
     else:
         print_lines(*_last_lines(found, robot))
-    return OK if found.as_it_was else DIFFERENT
+    return OK if found.is_identical else DIFFERENT
 
 
 def _show_nothing(*lines: str) -> None:
@@ -225,7 +225,7 @@ def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
         lines.append(f"{same} of {len(found.others)} went the same way on {robot}")
     if not found.check.whole:
         lines.append("the bundle is not as it was made")
-    if not found.as_it_was and not found.same_version:
+    if not found.is_identical and not found.same_version:
         lines.append(
             f"it was made with rise-tui {found.about.program}, and this is {__version__}: install the one in program/, "
             "and try again"
@@ -262,7 +262,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
 def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, Any]:
     return {
         "bundle": str(path),
-        "as_it_was": found.as_it_was,
+        "as_it_was": found.is_identical,
         "made_with": found.about.program,
         "fingerprint": found.fingerprint,
         "options": msgspec.to_builtins(found.about.options),
@@ -313,7 +313,7 @@ def load_for_robot(folder: Path, robot: str) -> Scenario:
     """
     copy, info = folder / SCENARIO_COPY, read_info(folder)
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    loaded = load(copy, robot=robot, mode="debug", paths=paths, **spoken_as(info))
+    loaded = load(copy, robot=robot, mode="debug", paths=paths, **speech_arguments(info))
     if loaded.scenario is None:
         findings = [str(each) for each in loaded.errors]
         raise ExportError(f"the scenario cannot be run on the robot {robot!r}:", *findings)

@@ -127,7 +127,7 @@ def _make(
 ) -> int:
     """Make the edits, and return the exit status."""
     before = workspace.files
-    state, change, refused = workspace.foresee(*edits)
+    state, change, refused = workspace.preview_edits(*edits)
     written: tuple[str, ...] = ()
     programs = [] if allow_programs else sorted(set(_started_programs(state.files)) - set(_started_programs(before)))
     problem = (

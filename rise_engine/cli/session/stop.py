@@ -67,11 +67,11 @@ def stop(which: str | None) -> int:
         raise Refused(f"{name} has ended, and its record has no end: look at the robot", status=NOT_WRITTEN)
     print_notes(f"{name} has ended")
     warning = open_goals_warning(open_goals_at_end(folder))
-    print_notes(*filter(None, (warning, *_to_judge_lines(folder))))
+    print_notes(*filter(None, (warning, *_outcome_hint_lines(folder))))
     return STILL_RUNNING if warning else OK
 
 
-def _to_judge_lines(folder: Path) -> list[str]:
+def _outcome_hint_lines(folder: Path) -> list[str]:
     """Describe how to set the outcome of a study's session that ended without one."""
     try:
         info = read_info(folder)

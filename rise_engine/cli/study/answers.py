@@ -27,7 +27,7 @@ from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"
 """The answer "nothing", instead of the default."""
-USUAL_CHECKS = "robot, disk, scenario, wizard"
+DEFAULT_CHECKS = "robot, disk, scenario, wizard"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PAIR = re.compile(r"\s*([^\s=,{}]+)\s*=\s*([A-Za-z_][\w -]*?)\s*(?=,|\Z)")

@@ -162,11 +162,11 @@ def status_lines(state: StudyStatus) -> list[str]:
             counts[each.purpose] = counts.get(each.purpose, 0) + 1
         lines += ["", "not counted: " + ", ".join(f"{number} {purpose}" for purpose, number in counts.items())]
     if standing.due:
-        lines += ["", "to do", *(f"  {each}" for each in standing.due), *_how_lines(state)]
+        lines += ["", "to do", *(f"  {each}" for each in standing.due), *_command_lines(state)]
     return [*lines, "", *next_lines(state)]
 
 
-def _how_lines(state: StudyStatus) -> list[str]:
+def _command_lines(state: StudyStatus) -> list[str]:
     """List the commands for some of the tasks that are due."""
     states = {each.state for each in state.standing.participants}
     where = shlex.quote(state.study.folder)

@@ -20,7 +20,7 @@ from rise_engine.base.nearest_name import in_backquotes
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import MODE, ROBOT
 from rise_engine.cli.study import answers
-from rise_engine.cli.study.answers import USUAL_CHECKS
+from rise_engine.cli.study.answers import DEFAULT_CHECKS
 from rise_engine.cli.study.planning import exploration_lines, explore_study
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
@@ -75,7 +75,7 @@ _Answer = TypeVar("_Answer")
     "--auto",
     "automatic",
     metavar="A,B",
-    help=f"Make these automatic checks; - for none. Default: {USUAL_CHECKS}.",
+    help=f"Make these automatic checks; - for none. Default: {DEFAULT_CHECKS}.",
 )
 @click.option(
     "--ask", "asked", metavar="SENTENCE", multiple=True, help="Ask for this confirmation before a session. Repeatable."
@@ -338,7 +338,9 @@ class _Conversation:
         return strata
 
     def ask_checks(self) -> tuple[StudyCheck, ...]:
-        checks: list[StudyCheck] = [*self.put(answers.AUTOMATIC_CHECKS, answers.USUAL_CHECKS, self.given["automatic"])]
+        checks: list[StudyCheck] = [
+            *self.put(answers.AUTOMATIC_CHECKS, answers.DEFAULT_CHECKS, self.given["automatic"])
+        ]
 
         def add(sentence: str, *, after: bool = False) -> None:
             if sentence.strip() != answers.NOTHING:

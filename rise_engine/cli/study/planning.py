@@ -254,10 +254,10 @@ def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> s
     """
     *others, last = files
     named = f"{', '.join(others)} and {last} say" if others else f"{last} says"
-    return f"{named} the same of it{_except_reassigned(sessions)}"
+    return f"{named} the same of it{_reassigned_note(sessions)}"
 
 
-def _except_reassigned(sessions: Iterable[ProvedSession]) -> str:
+def _reassigned_note(sessions: Iterable[ProvedSession]) -> str:
     """Return the end of a sentence about all sessions: the reassigned ones. Empty: there are none."""
     count = sum(bool(each.note) for each in sessions if each.proved)
     return f", except the participant of {pluralize(count, 'reassigned session')}" if count else ""

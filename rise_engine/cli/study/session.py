@@ -14,7 +14,14 @@ from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.loader import load
-from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, to_give_up, turn_warning
+from rise_engine.study.begin import (
+    BeginRequest,
+    CannotBegin,
+    SessionPlan,
+    plan_session,
+    sessions_to_give_up,
+    turn_warning,
+)
 from rise_engine.study.participants import SessionKind
 from rise_engine.study.recording_table import decide_recording, recording_lines
 from rise_engine.study.sessions import given_up_fields
@@ -120,7 +127,7 @@ def _plan(state: StudyStatus, options: SessionOptions, *, serves: bool = False) 
         seed=options.seed,
     )
     if options.unfinished == "new":
-        state = state.supposing(map(given_up_fields, to_give_up(state, request)))
+        state = state.with_outcomes(map(given_up_fields, sessions_to_give_up(state, request)))
     try:
         return plan_session(state, request)
     except CannotBegin as error:

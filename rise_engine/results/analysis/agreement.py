@@ -275,7 +275,7 @@ def _beta_share(x: float, a: float, b: float) -> float:
 
 ALL = ""
 """The group of all units."""
-FEW = 30
+SMALL_SAMPLE = 30
 """With fewer units, the intervals of two wizards are wide, and that of kappa is too narrow."""
 
 

@@ -188,7 +188,7 @@ _BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
 """Does not match stops of everything, which do not repair an act."""
 
 
-_OF_CONDITION = frozenset({"study", "condition"})
+_CONDITION_SOURCES = frozenset({"study", "condition"})
 """Sources of the initial memory values of a condition."""
 
 
@@ -306,7 +306,7 @@ class ConditionCollector:
         if not isinstance(record, MemoryRecord):
             return
         key = record.key.partition(".")[0].partition("[")[0]
-        if record.source in _OF_CONDITION:
+        if record.source in _CONDITION_SOURCES:
             self._given[record.key] = record.value
         elif key in self._given and actor_of(record.source) == "wizard":
             is_same = key == record.key and not record.deleted and record.value == self._given[key]

@@ -190,7 +190,7 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
     shadows = [each for each in shadows if each.path not in foreign]
     session.remarks += [f"{data.facts.session}: {why}" for why in foreign.values()]
     session.undone = sum(window.undone for window in windows)
-    judges = _judges(shadows, live, named, session, data.facts.session)
+    judges = _judges_by_name(shadows, live, named, session, data.facts.session)
     cues = {window.seq: window.at for window in windows}
     judged = {name: _shadow_decisions(shadow, scenario, cues) for name, shadow in judges.items()}
     for window in windows:
@@ -299,7 +299,7 @@ def _why_of_another(shadow: Shadow, shown: Mapping[int, float]) -> str:
     return ""
 
 
-def _judges(
+def _judges_by_name(
     shadows: list[Shadow], live: list[str], names: Mapping[str, str], session: JudgedSession, name: str
 ) -> dict[str, Shadow]:
     """Return the judges by name. Of a wizard's several shadows, the last complete one counts; otherwise the last."""
@@ -383,7 +383,7 @@ def _marked_acts(
         MarkedAct(
             facts=data.facts,
             task=task,
-            act=decision_label(scenario, requests[task].function, deeds[task].behavior),
+            act=decision_label(scenario, requests[task].function, requests[task].behavior),
             marks={
                 coder: marks.get(task, "none")
                 for coder, marks in coders.items()

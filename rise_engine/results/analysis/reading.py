@@ -119,7 +119,7 @@ def _excluded(study: Path, log: list[LogEntry]) -> dict[str, str]:
     return dict(places_of(participants, log).excluded)
 
 
-_FEW = (
+_FEW_RECORDS = (
     *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
     *(FailureRecord, CueRecord, StopRecord),  # for `count_repairs`
     ScenarioRecord,
@@ -219,7 +219,7 @@ def _read(
         phases.add(record)
         condition.add(record)
         points.add(record, away.add(record))
-        if isinstance(record, _FEW):
+        if isinstance(record, _FEW_RECORDS):
             few.append(record)
         end = record.t
     interruptions = away.interruptions()

@@ -40,7 +40,7 @@ _NO_REACTIONS = frozenset(
 """Requests of wizards that are no reaction to the participant's turn."""
 _BACK = ("resumed", STEPPED_BACK)
 """How the triggers begin that return a rule to a state."""
-_AT_THE_START = frozenset({"file", "study", "condition"})
+_START_SOURCES = frozenset({"file", "study", "condition"})
 """Sources of the memory values at a session's start."""
 _INTERRUPTED = {
     "duration_s": ("interrupted",),
@@ -225,7 +225,7 @@ class _Spans:
         if value == self._key and type(value) is type(self._key):
             return
         self._key = value
-        if record.source in _AT_THE_START:
+        if record.source in _START_SOURCES:
             return
         self._end(record.t, "key" if value is None else "trial")
         if value is not None:

@@ -19,7 +19,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.privacy.sharing import SharedSession
 from rise_engine.privacy.suggestions import suggest_words
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.bundle.contents import ENVIRONMENT_FILE, GIVEN, PROGRAM, REQUIREMENTS
+from rise_engine.results.bundle.contents import ENVIRONMENT_FILE, HIDDEN_DATE, PROGRAM, REQUIREMENTS
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.table_schema import UNSAFE
 from rise_engine.study.model import Participant, Study
@@ -130,7 +130,7 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], omitt
             "participant's speech, is counted: `[note, 5 words]`.",
             "- Private words and numbers are replaced (`PERSONNAME1`, numbers from 90001 on), each value always the "
             "same way. Each session was replayed with these, and the same happened.",
-            f"- `{GIVEN}` in participants.csv stands for a consent that was given, whenever that was.",
+            f"- `{HIDDEN_DATE}` in participants.csv stands for a consent that was given, whenever that was.",
             "",
         ]
     return "\n".join(lines)
@@ -173,7 +173,7 @@ class ReviewList:
     def __init__(self, study: Study, level: ExportLevel) -> None:
         self._study = study
         self._level = level
-        self._spoken_freely = 0
+        self._free = 0
         self._typed = 0
         self._own_values: dict[str, None] = {}
         self._words: Counter[str] = Counter()
@@ -184,7 +184,7 @@ class ReviewList:
 
     def add(self, data: SessionData) -> None:
         """Add the typed and spoken texts of a session."""
-        self._spoken_freely += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
+        self._free += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
         for record in data.records:
             if isinstance(record, TaskRecord) and record.source.startswith("wizard:"):
                 is_shown = not _HIDDEN.search(record.behavior)
@@ -232,7 +232,7 @@ class ReviewList:
         found += self._spoken()
         if self._alone and self._columns:
             found.append(
-                f"participants.csv: {self._alone} of {pluralize(self._people, 'participant')} {_is(self._alone)} the "
+                f"participants.csv: {self._alone} of {pluralize(self._people, 'participant')} {_verb(self._alone)} the "
                 f"only one with their {', '.join(self._columns)}: they can be recognised"
             )
         text = (root / STUDY_FILE).read_text("utf-8")
@@ -247,9 +247,9 @@ class ReviewList:
 
     def _spoken(self) -> list[str]:
         found = []
-        if self._spoken_freely and self._level == "shared":
+        if self._free and self._level == "shared":
             found.append(
-                f'{pluralize(self._spoken_freely, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
+                f'{pluralize(self._free, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
                 "read them, redact names, or make the bundle with --level public"
             )
         if self._typed and self._level != "full":
@@ -266,5 +266,5 @@ class ReviewList:
         return found
 
 
-def _is(count: int) -> str:
+def _verb(count: int) -> str:
     return "is" if count == 1 else "are each"

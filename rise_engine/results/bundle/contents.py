@@ -36,7 +36,7 @@ from rise_engine.study.study_scenarios import scenario_folder
 from rise_engine.study.traces import is_withdrawn, without_salts
 from rise_engine.study.withdrawal_work import EXPORTED
 
-GIVEN = "1900-01-01"
+HIDDEN_DATE = "1900-01-01"
 """Replaces the date of a consent if the level hides dates. No real consent has this date."""
 _TABLE = re.compile(r"^\s*\[wizards\]")
 _NEXT_TABLE = re.compile(r"^\s*\[")
@@ -90,7 +90,7 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
             [
                 person.participant,
                 *(person.strata.get(name, "") for name in study.strata),
-                *(each if level == "full" or not each else GIVEN for each in given),
+                *(each if level == "full" or not each else HIDDEN_DATE for each in given),
                 person.status,
                 *further,
             ]

@@ -33,11 +33,11 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
 
-_OF_THE_ROBOT = (ActionReport, TimerElapsed, RobotChanged, StopReport, SessionRecovered)
+_ROBOT_INPUTS = (ActionReport, TimerElapsed, RobotChanged, StopReport, SessionRecovered)
 """Inputs that come from the robot and its timing, which another robot replaces."""
 _NAMES_TASK = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """Functions whose behaviour begins with the number of a task."""
-NOTICEABLE = 0.1
+NOTICEABLE_SECONDS = 0.1
 """Minimum difference in seconds of an act's duration that is reported."""
 TaskName = tuple[str, str, str, int]
 """Source, function, behaviour and a running number: identifies a task whatever its number."""
@@ -96,7 +96,7 @@ class CourseComparison(Struct):
     rules_same: list[str] = field(default_factory=list)
     """Rules with the same states."""
     longer: list[float] = field(default_factory=list)
-    """The additional seconds of each act with the same end, without differences below NOTICEABLE."""
+    """The additional seconds of each act with the same end, without differences below NOTICEABLE_SECONDS."""
 
     @property
     def identical(self) -> bool:
@@ -120,7 +120,7 @@ def read_recorded(folder: Path, seed: int) -> RecordedSession:
             recorded.started = line.input
         elif isinstance(line.input, SessionEnded):
             recorded.end = line.input.t
-        elif not isinstance(line.input, _OF_THE_ROBOT):
+        elif not isinstance(line.input, _ROBOT_INPUTS):
             recorded.inputs.append(line.input)
     recorded.records = list(contents.read_records())
     return recorded
@@ -151,7 +151,7 @@ def compare_courses(
             continue
         comparison.same += 1
         longer = _length(found) - _length(act)
-        if abs(longer) >= NOTICEABLE:
+        if abs(longer) >= NOTICEABLE_SECONDS:
             comparison.longer.append(round(longer, 3))
     for key, act in played.items():
         if _is_running(act):

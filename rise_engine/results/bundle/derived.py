@@ -29,7 +29,7 @@ from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.making import make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.scenario.loader import load
-from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, read_info, spoken_as
+from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, read_info, speech_arguments
 from rise_engine.session.labels import read_labels
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.unfinished_files import private_folder
@@ -289,7 +289,7 @@ def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -
         )
     else:
         found.proved.append(
-            f"{STUDY_FILE} is what it was in {_of(same, hashed)} (study_hash); [wizards], [report], [retention], "
+            f"{STUDY_FILE} is what it was in {_counted(same, hashed)} (study_hash); [wizards], [report], [retention], "
             "[participants] and comments may have been written later"
         )
 
@@ -331,13 +331,13 @@ def _check_scenario(found: InputsCheck, root: Path, state: StudyStatus, name: st
             continue
         key = str((info.robot, info.mode, info.language, info.allow_untranslated))
         if key not in hashes:
-            how = {"robot": info.robot, "mode": info.mode, **spoken_as(info)}
+            how = {"robot": info.robot, "mode": info.mode, **speech_arguments(info)}
             hashes[key] = _scenario_hash(root / name, run.folder / SCENARIO_COPY, how)
         taken_over = (not _first_difference(root / name, copy) for copy in copy_folders(run.folder)[1:])
         if hashes[key] == run.labels.get("scenario_hash") or any(taken_over):
             same.append(run)
     if same:
-        found.proved.append(f"{name}/ is the scenario of {_of(same, runs)} (scenario_hash)")
+        found.proved.append(f"{name}/ is the scenario of {_counted(same, runs)} (scenario_hash)")
         return
     planned, study = last_planned(state.log), state.study
     how = {"robot": study.robot or None, "mode": study.mode}
@@ -382,7 +382,7 @@ def _first_difference(folder: Path, copy: Path) -> str:
     return further[0].as_posix() if further else ""
 
 
-def _of(same: Sequence[_Run], all: Sequence[_Run]) -> str:
+def _counted(same: Sequence[_Run], all: Sequence[_Run]) -> str:
     return (
         pluralize(len(all), "session") if len(same) == len(all) else f"{len(same)} of {pluralize(len(all), 'session')}"
     )

@@ -54,7 +54,7 @@ from rise_engine.study.publishing import authors_of
 
 VERSION = "1.11.1"
 """The version of BIDS."""
-OF_DEVICE = {"SamplingFrequency": 1_000_000, "PowerLineFrequency": "n/a"}
+DEVICE_VALUES = {"SamplingFrequency": 1_000_000, "PowerLineFrequency": "n/a"}
 """Values for every device that the report of mne-bids requires: clock steps per second, and no mains."""
 _NO_TASK = "session"
 """The task's label if there is no title."""
@@ -119,7 +119,7 @@ class _Dataset:
         for task, facts in sorted(self._tasks.items()):
             about = self._task_description(task, facts)
             self._write_json(self._root / f"task-{task}_events.json", {**about, **sidecar(self._event_columns)})
-            self._write_json(self._root / f"task-{task}_beh.json", {**about, **OF_DEVICE, **sidecar(ACT_COLUMNS)})
+            self._write_json(self._root / f"task-{task}_beh.json", {**about, **DEVICE_VALUES, **sidecar(ACT_COLUMNS)})
         self._write_participants()
         self._write_questionnaires()
         self._write_json(self._root / "dataset_description.json", self._description())

@@ -7,7 +7,7 @@ import re
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.privacy.levels import OLDEST, cut_age
+from rise_engine.privacy.levels import MAX_SHOWN_AGE, cut_age
 from rise_engine.results.export.bids_tables import ENTITIES, Columns
 from rise_engine.results.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
@@ -16,7 +16,7 @@ UNNAMED = "unnamed"
 """Replaces a participant that the session does not name."""
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
-_HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
+_HANDEDNESS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
 
 
 class Person(Struct, frozen=True):
@@ -32,7 +32,7 @@ _COLUMNS = {
     column.name: column
     for column in (
         Column("participant_id", "The pseudonym of the participant, after sub-.", lambda person: f"sub-{person.label}"),
-        Column("age", f"Age in years; {OLDEST} also stands for everybody older.", unit="year"),
+        Column("age", f"Age in years; {MAX_SHOWN_AGE} also stands for everybody older.", unit="year"),
         Column("group", "The condition between participants: levels joined by +.", lambda person: person.group),
     )
 }
@@ -125,7 +125,7 @@ def _fits(name: str, values: list[str]) -> bool:
         case "sex":
             return all(each in _SEXES for each in filled)
         case "handedness":
-            return all(each in _HANDS for each in filled)
+            return all(each in _HANDEDNESS for each in filled)
         case "participant_id" | "group" | "species" | "strain" | "strain_rrid" | "HED":
             return False
     return name not in ENTITIES

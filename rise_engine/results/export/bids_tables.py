@@ -25,11 +25,11 @@ Columns: TypeAlias = Mapping[str, Column]
 """Columns by their BIDS names, in their order."""
 NOTHING = "n/a"
 """The content of an empty cell."""
-_OF_FILES = (
+_FILE_ENTITIES = (
     "subject session sample task tracksys acquisition nucleus volume ceagent staining tracer reconstruction direction "
     "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension"
 )
-ENTITIES = frozenset(_OF_FILES.split())
+ENTITIES = frozenset(_FILE_ENTITIES.split())
 """Entities in BIDS file names. No column may have such a name: pybids would take its description for a value."""
 _EMPTY = re.compile(r"\b[Ee]mpty\b")
 _BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
@@ -54,7 +54,7 @@ _TRIAL_TYPES = {
     "recovery": "Another engine continued the session; outage_s says how long there was none.",
 }
 """The kinds of rows in `_events.tsv`."""
-_OF_TRIALS = (
+_TRIAL_COLUMNS = (
     "trial robot_said asked_task asked_at asked_end cue_at participant_s speech_at speech_s key_at "
     "wizard_key wizard_asked wizard_s key_s "
     "robot_next_at prompts repairs events marks failures stops interrupted "
@@ -247,16 +247,16 @@ def trial_columns(declared: Iterable[str]) -> Columns:
 
     :param declared: the columns of trials that the scenarios declare.
     """
-    columns = _picked(TRIALS, _OF_TRIALS) | {column.name: column for column in map(declared_column, declared)}
+    columns = _picked(TRIALS, _TRIAL_COLUMNS) | {column.name: column for column in map(declared_column, declared)}
     return {
         (f"trial_{name}" if name in EVENT_COLUMNS or name in ENTITIES else name): replace(
-            column, value=_of_trial(column)
+            column, value=_trial_value(column)
         )
         for name, column in columns.items()
     }
 
 
-def _of_trial(column: Column) -> Value:
+def _trial_value(column: Column) -> Value:
     return lambda row: None if row.beside is None else column.of(row.beside)
 
 

@@ -18,7 +18,7 @@ from rise_engine.results.analysis.model import (
     WaitPart,
     actor_of,
 )
-from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
+from rise_engine.results.export.session_tables import SESSION_REFERENCES, SOURCE
 from rise_engine.results.export.table_schema import (
     ACTION_STATUS,
     ACTORS,
@@ -146,7 +146,7 @@ ACTS = TableSchema(
     ),
     ("session", "task"),
     rows_of("acts"),
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 
 
@@ -184,7 +184,7 @@ ACTIONS = TableSchema(
     ),
     ("session", "task", "action"),
     _action_rows,
-    (*OF_SESSION, Reference(("session", "task"), "acts")),
+    (*SESSION_REFERENCES, Reference(("session", "task"), "acts")),
 )
 
 
@@ -223,7 +223,7 @@ CUES = TableSchema(
     ),
     ("session", "cue"),
     _cue_rows,
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 PHASES = TableSchema(
     "phases",
@@ -243,7 +243,7 @@ PHASES = TableSchema(
     ),
     ("session", "phase"),
     rows_of("phases"),
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 
 
@@ -344,7 +344,7 @@ EVENTS = TableSchema(
     _event_columns(),
     ("session", "event"),
     _event_rows,
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 CODED = TableSchema(
     "coded",
@@ -380,5 +380,5 @@ CODED = TableSchema(
     ),
     ("session", "coded"),
     rows_of("coded"),
-    OF_SESSION,
+    SESSION_REFERENCES,
 )

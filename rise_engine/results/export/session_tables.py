@@ -41,7 +41,7 @@ from rise_engine.study.traces import KEPT_CONSENT, KEPT_ID, new_id
 LONG = 2.0
 """Seconds after which answers count as late."""
 SOURCE = Column("source", "Who asked for it, as in the record: wizard:NAME, rule:NAME, engine.")
-OF_SESSION = (Reference(("session",), "sessions"),)
+SESSION_REFERENCES = (Reference(("session",), "sessions"),)
 _HASH = "^[0-9a-f]{64}$"
 
 
@@ -247,7 +247,7 @@ CHECKS = TableSchema(
     ),
     ("session", "check"),
     rows_of("checks"),
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 
 
@@ -307,7 +307,7 @@ RECORDINGS = TableSchema(
     ),
     ("session", "recording"),
     _recording_rows,
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 
 

@@ -22,7 +22,14 @@ from msgspec.structs import replace
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.export.course_tables import ACTIONS, ACTS, CODED, CUES, EVENTS, PHASES
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, new_file
-from rise_engine.results.export.session_tables import CHECKS, FACTS, OF_SESSION, RECORDINGS, SESSIONS, factor_column
+from rise_engine.results.export.session_tables import (
+    CHECKS,
+    FACTS,
+    RECORDINGS,
+    SESSION_REFERENCES,
+    SESSIONS,
+    factor_column,
+)
 from rise_engine.results.export.table_schema import (
     SAFE,
     UNSAFE,
@@ -307,7 +314,9 @@ def _questionnaire_table(answers: AnswersAtLevel, facts: Sequence[Column]) -> tu
     sessions of the participant share."""
     name = f"questionnaire_{answers.name}"
     if answers.settings.run:
-        return TableSchema(name, answers.about, answers.columns, ("session",), _no_rows, OF_SESSION), list(facts)
+        return TableSchema(name, answers.about, answers.columns, ("session",), _no_rows, SESSION_REFERENCES), list(
+            facts
+        )
     shared = [column for column in facts if column.name not in ("session", "run")]
     about = f"{answers.about} What differs between their sessions is empty."
     return TableSchema(name, about, answers.columns, ("participant",), _no_rows), shared

@@ -17,7 +17,7 @@ from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.statistics import median
 from rise_engine.results.analysis.trials import trials_of
 from rise_engine.results.export.format import ExportContext, ExportError
-from rise_engine.results.export.session_tables import OF_SESSION, factor_column
+from rise_engine.results.export.session_tables import SESSION_REFERENCES, factor_column
 from rise_engine.results.export.table_schema import (
     TRIAL_ENDS,
     Column,
@@ -37,7 +37,7 @@ from rise_engine.study.model import Participant, QuestionnaireSettings, Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire
 
-_NOT_HERE = "unknown-participant"
+_UNKNOWN_PARTICIPANT = "unknown-participant"
 """The diagnostic for a row of an unknown participant, which is omitted without any other effect."""
 
 
@@ -94,7 +94,7 @@ def answers_at_level(
 def _report(read: Questionnaire, warnings: list[str]) -> list[str]:
     """Refuse a file with errors, and warn of omitted rows of unknown participants."""
     name = read.settings.name
-    if wrong := [str(each) for each in read.errors if each.code != _NOT_HERE]:
+    if wrong := [str(each) for each in read.errors if each.code != _UNKNOWN_PARTICIPANT]:
         raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
     if any(each.code == "no-questionnaire" for each in read.diagnostics):
         warnings.append(f"the questionnaire {name} is not in it: there is no file {read.settings.file} yet")
@@ -117,7 +117,7 @@ def _at_level(
     for answers in read.rows:
         theirs = [each for each in known if each.participant == answers.participant]
         runs = dict.fromkeys(each.run for each in theirs if answers.run in (None, each.run))
-        about = [_of_run([each for each in theirs if each.run == run]) for run in runs]
+        about = [_choose_attempt([each for each in theirs if each.run == run]) for run in runs]
         if about:
             values = {name: count(value) if name in typed else value for name, value in answers.values.items()}
             rows.append((tuple(about), replace(answers, values=values)))
@@ -142,7 +142,7 @@ def _at_level(
     return AnswersAtLevel(settings, columns, tuple(rows), tuple(omitted))
 
 
-def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
+def _choose_attempt(sessions: list[SessionFacts]) -> SessionFacts:
     """Choose the complete attempt among several; otherwise the last one."""
     complete = [each for each in sessions if each.outcome == "complete"]
     return (complete or sessions)[-1]
@@ -231,7 +231,7 @@ TRIALS = TableSchema(
     ),
     ("session", "trial"),
     _trial_rows,
-    OF_SESSION,
+    SESSION_REFERENCES,
 )
 
 

@@ -20,7 +20,7 @@ MarkKind: TypeAlias = Literal["note", "mistake", "stop", "sync", "fault"]
 MAX_RULES = 8
 """Maximum number of rules with a lane. Those with the most phases are chosen."""
 _CHANNELS = ("speech", "gaze", "face", "body", "arms")
-_NO_NEWS = ("latched", "connected")
+_ORDINARY_STATUSES = ("latched", "connected")
 """Points that are not drawn: a completed stop, and the connected robot."""
 _MARKS: dict[str, MarkKind] = {
     "note": "note",
@@ -89,7 +89,7 @@ def _cue_span(cue: Cue, end: float, data: SessionData) -> LaneSpan:
         interruption_between(data.interruptions, cue.at, cue.answered_at),
     )
     filled = f", filled after {seconds_text(cue.filled_at - cue.at)}" if cue.filled_at is not None else ""
-    hover = f"cue at {clock_text(cue.at)}{said}, answered after {waits}{filled}"
+    hover = f"cue at {clock_text(cue.at)}{text}, answered after {waits}{filled}"
     return LaneSpan(cue.at, min(end, cue.answered_at), "", hover, "cue")
 
 
@@ -126,7 +126,7 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[L
 
 def _moments(points: Iterable[Point]) -> Iterable[MomentMark]:
     for point in points:
-        if (kind := _MARKS.get(point.kind)) is not None and point.name not in _NO_NEWS:
+        if (kind := _MARKS.get(point.kind)) is not None and point.name not in _ORDINARY_STATUSES:
             text = " ".join(filter(None, (point.name, point.value)))
             yield MomentMark(point.at, f"{clock_text(point.at)} {point.kind}: {text}", kind)
 

@@ -195,13 +195,13 @@ def interval_text(share: Share) -> str:
     """Write the 95 % interval of a share in percent: `(1.2–14)`. Empty: the total is 0."""
     if share.interval is None:
         return ""
-    low, high = (_hundred(each) for each in share.interval)
+    low, high = (_percent_number(each) for each in share.interval)
     return f"({low}\u2013{high})"
 
 
 def per_hundred(share: Share) -> str:
     """Write a share in percent. `none`: the total is 0."""
-    return "none" if share.fraction is None else _hundred(share.fraction)
+    return "none" if share.fraction is None else _percent_number(share.fraction)
 
 
 def marks_text(marks: Mapping[str, int]) -> str:
@@ -217,6 +217,6 @@ def moment_text(moment: str) -> str:
         return moment
 
 
-def _hundred(fraction: float) -> str:
+def _percent_number(fraction: float) -> str:
     percent = fraction * 100
     return number_text(percent, 1 if 0 < percent < 10 else 0)

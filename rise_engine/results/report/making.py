@@ -24,7 +24,7 @@ from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.checks import checks_after
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import StudyStatus, read_state
-from rise_engine.study.traces import withdrawn_of
+from rise_engine.study.traces import count_withdrawn
 
 
 class MadeReport(Struct, frozen=True):
@@ -99,7 +99,7 @@ def make_study_report(
         figures,
         level,
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
-        withdrawn=withdrawn_of(state.log),
+        withdrawn=count_withdrawn(state.log),
         problems=(*problems, *(f"{each.name} {each.without_end}" for each in _kept(state) if each.without_end)),
         omitted=dict(omitted or {}),
     )

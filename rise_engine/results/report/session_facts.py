@@ -398,13 +398,15 @@ def _state_facts(data: SessionData) -> Iterable[StateFacts]:
         yield StateFacts(rule, state, len(visits), round(sum(lengths), 6), summarise(whole), back, outage)
 
 
-_OF_MISTAKES = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecord)
+_MISTAKE_RECORDS = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecord)
 
 
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(part.status for act in data.acts for part in act.parts)
-    records = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # one pass that keeps few records
+    records = [
+        record for record in data.records if isinstance(record, _MISTAKE_RECORDS)
+    ]  # one pass that keeps few records
     holders = [each.holder.partition("#")[0] for each in records if isinstance(each, ControlRecord) and each.holder]
     links = ["connected", *(record.status for record in records if isinstance(record, RobotRecord))]
     return MistakeFacts(

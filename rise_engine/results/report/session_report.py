@@ -36,7 +36,7 @@ from rise_engine.results.report.session_facts import MARKS, SessionFigures, sess
 from rise_engine.results.report.trials_section import latency_section
 from rise_engine.session.media import MediaFile
 
-_OF_CUES: dict[CueState, str] = {
+_CUE_TEXTS: dict[CueState, str] = {
     "answered": "",
     "unheard": "answer not heard",
     "undone": "taken back",
@@ -452,7 +452,7 @@ def _in_order(data: SessionData) -> Iterable[Block]:
         when = act.started_at if act.started_at is not None else act.accepted_at
         rows.append((when, (act.act, cause_text(act.by, act.via), act.status, waits, texts)))
     for cue in data.cues:
-        rows.append((cue.at, ("cue", source_name(cue.source), _OF_CUES[cue.state], "", cue.text)))
+        rows.append((cue.at, ("cue", source_name(cue.source), _CUE_TEXTS[cue.state], "", cue.text)))
     for phase in data.phases:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
     recoveries = [point for point in data.points if point.kind == "recovery"]

@@ -85,7 +85,7 @@ def reporting_sheet(
         item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
         item("Robot", "What it could do", _abilities(figures)),
         item("Robot", "What was expected of it", (), "robot_hypotheses"),
-        item("Participants", "How many", _how_many(standing, withdrawn)),
+        item("Participants", "How many", _counts_text(standing, withdrawn)),
         item("Participants", "Who they were", _strata(study, standing), "demographics"),
         item("Participants", "How they were found and thanked", (), "recruitment", "compensation"),
         item("Participants", "What they were told", _debriefed(study, figures), "instructions"),
@@ -213,7 +213,7 @@ def _abilities(figures: StudyFigures) -> list[str]:
     return [*known, f"Channels used: {', '.join(channels)}."] if channels else known
 
 
-def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
+def _counts_text(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
     states = Counter(each.state for each in standing.participants)
     listed = len(standing.participants) - len(standing.unlisted)
     text = (

@@ -191,7 +191,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     if given.omitted:
         yield Paragraph(f"Not in this bundle: {omitted_text(given.omitted)}.", "note")
-    if out := tuple(_out(standing, given.level)):
+    if out := tuple(_excluded_rows(standing, given.level)):
         yield ReportTable(
             caption="Excluded participants, and sessions that were aborted, judged again or reassigned, with reasons",
             head=("participant", "what", "reason"),
@@ -222,7 +222,7 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
     yield "Rehearsals", ", ".join(f"{number} {purpose}" for purpose, number in counts.items()) or "none"
 
 
-def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
+def _excluded_rows(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
     """List excluded participants, all aborted sessions (even if repeated), and changed or reassigned ones."""
     for each in standing.participants:
         if each.state == "withdrawn":
@@ -443,7 +443,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
                 number_text(summary.median) if summary is not None else "",
                 marks_text(found.mistakes.marks),
                 str(found.mistakes.stops or ""),
-                _went_wrong(row),
+                _problems_text(row),
                 ", ".join(skipped),
             )
         )
@@ -480,7 +480,7 @@ def _other_languages(given: StudyReportInput) -> Iterable[str]:
             yield f"{facts.participant}{run} ({wanted}) heard {facts.language}"
 
 
-def _went_wrong(row: SessionRow) -> str:
+def _problems_text(row: SessionRow) -> str:
     """Describe problems in the record that no wizard marked."""
     facts, found = row.facts, row.figures.mistakes
     unanswered = row.figures.cues - row.figures.answered

@@ -159,13 +159,13 @@ class ShadowClient:
         records = list(read_journal(self._folder / JOURNAL).read_records())
         scenario = load_session_scenario(self._folder, info, [])
         marked = [each for each in records if isinstance(each, CueRecord) and each.status == "marked"]
-        ahead = [each for each in marked if self._lies_ahead(each)]
+        ahead = [each for each in marked if self._is_unplayed(each)]
         if not marked:
             raise SessionError("the session has no cue: there is nothing for a second wizard to judge")
         if not ahead:
             raise SessionError(f"after {self._at:g} s the session has no cue: there is nothing to judge any more")
         view = SessionView()
-        while self._next < len(records) and not self._lies_ahead(records[self._next]):
+        while self._next < len(records) and not self._is_unplayed(records[self._next]):
             if not _is_hidden(records[self._next]):
                 view.apply(records[self._next])
             self._next += 1
@@ -178,7 +178,7 @@ class ShadowClient:
             scenario, info.mode, info.robot, info.seed, view, you=you, folder=str(self._folder), shadow=True
         )
 
-    def _lies_ahead(self, record: AnyRecord) -> bool:
+    def _is_unplayed(self, record: AnyRecord) -> bool:
         """Return whether a record still has to be played: by its time, or from the cue that is repeated."""
         return record.seq >= self._again if self._again else record.t >= self._at
 

@@ -110,7 +110,7 @@ class VirtualClock:
         self._now = max(self._now, when)
 
 
-_WAITED = 0.05
+_OWN_TIME_SECONDS = 0.05
 """Delay in seconds from which an input gets a time of its own. Others are handled immediately."""
 
 
@@ -142,7 +142,7 @@ class RealClock:
 
     def wall_label(self, t: float) -> str:
         waited = (self.now() - t) / self.speed  # what happened while nothing could be recorded keeps its own time
-        milliseconds = time_ns() // 1_000_000 - (int(waited * 1000) if waited > _WAITED else 0)
+        milliseconds = time_ns() // 1_000_000 - (int(waited * 1000) if waited > _OWN_TIME_SECONDS else 0)
         moment = datetime.fromtimestamp(milliseconds / 1000, UTC)
         return moment.astimezone().isoformat(timespec="milliseconds")
 

@@ -89,9 +89,9 @@ def align_by_marks(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> 
     for limit in (USUAL_DRIFT, LARGEST_DRIFT):
         found = _best_matches(marks, heard, limit)
         if len(found) == 1:
-            return _of_pairs(marks, heard, found[0])
+            return _align_pairs(marks, heard, found[0])
         if found:
-            return Alignment(problem=_several_fit(found))
+            return Alignment(problem=_ambiguity_text(found))
     return _single(marks, heard)
 
 
@@ -133,7 +133,7 @@ def _nearest(mark: SessionMark, at: float, heard: Sequence[HeardMark]) -> dict[S
     return {mark: min(near, key=lambda each: abs(each.at - at))} if near else {}
 
 
-def _of_pairs(marks: Sequence[SessionMark], heard: Sequence[HeardMark], pairs: Sequence[_Pair]) -> Alignment:
+def _align_pairs(marks: Sequence[SessionMark], heard: Sequence[HeardMark], pairs: Sequence[_Pair]) -> Alignment:
     offset, rate = fit_line([(mark.at, sound.at) for mark, sound in pairs])
     remarks = [f"mark {mark.number} was not found" for mark in marks if mark not in dict(pairs)]
     used = {sound for _, sound in pairs}
@@ -176,7 +176,7 @@ def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignme
     )
 
 
-def _several_fit(found: Sequence[Sequence[_Pair]]) -> str:
+def _ambiguity_text(found: Sequence[Sequence[_Pair]]) -> str:
     number = found[0][0][0].number
     starts = sorted({pairs[0][1].at: pairs[0][1] for pairs in found}.values(), key=lambda each: each.at)
     if len(starts) > 1:

@@ -2,8 +2,8 @@
 
 A companion is a child of the engine's process and belongs to one running session: it runs the recorders, or it is an
 outlet. The first line of its standard input is a `CompanionRequest` as JSON. When the input ends, the companion
-finishes its work and exits. On standard output it writes an empty line every `SIGN_SECONDS` as a sign of life. Its exit
-status is 0; for any other status, the last line on standard error is the reason.
+finishes its work and exits. On standard output it writes an empty line every `LIFE_SIGN_SECONDS` as a sign of life. Its
+exit status is 0; for any other status, the last line on standard error is the reason.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rise_engine.base.text import restore_all_surrogates
 from rise_engine.study.model import RecordingSettings
 
 CompanionKind: TypeAlias = Literal["recorders", "outlet"]
-SIGN_SECONDS = 2.0
+LIFE_SIGN_SECONDS = 2.0
 """Interval between two signs of life."""
 OUTLET_NAME = "lsl"
 """The outlet's name in `recording` records, and its entry point in the group `rise.outlets`."""

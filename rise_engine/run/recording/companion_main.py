@@ -14,7 +14,7 @@ from rise_engine.base.errors import AdapterError, RiseError
 from rise_engine.base.plugins import find_plugin
 from rise_engine.ports.outlet import OutletPlan, OutletRunner
 from rise_engine.run.protocol.client import EngineGone
-from rise_engine.run.recording.companion import OUTLET_NAME, SIGN_SECONDS, CompanionRequest, decode_request
+from rise_engine.run.recording.companion import LIFE_SIGN_SECONDS, OUTLET_NAME, CompanionRequest, decode_request
 from rise_engine.run.recording.supervisor import supervise
 
 # --- outlets ----------------------------------------------------------------------------------------------------------
@@ -92,7 +92,7 @@ async def _give_signs(signs: int) -> None:
     with suppress(OSError):  # the engine has gone; the end of the input also shows it
         while True:
             os.write(signs, b"\n")
-            await asyncio.sleep(SIGN_SECONDS)
+            await asyncio.sleep(LIFE_SIGN_SECONDS)
 
 
 if __name__ == "__main__":

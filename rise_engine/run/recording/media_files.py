@@ -50,7 +50,7 @@ _BLOCK = 1 << 18
 """Number of samples compared together."""
 _BIN_SECONDS = 0.25
 """Duration of the pieces of a file; the best match of each counts."""
-_APART_SECONDS = 0.5
+_MIN_DISTANCE_SECONDS = 0.5
 """Minimum distance of two marks. A nearer one is an echo."""
 _QUIET = 1e-5
 """Loudness (of 1) below which nothing is compared."""
@@ -155,13 +155,13 @@ class _Matcher:
 
 def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
     """Select the matches that are stronger than all others. After the maximum number of marks, the others begin."""
-    places = max((at for _, at, _ in best), default=0.0) / _APART_SECONDS
+    places = max((at for _, at, _ in best), default=0.0) / _MIN_DISTANCE_SECONDS
     most = min(MAX_MARKS, max(_FEW, int(places * _SHARE)))
     apart: list[tuple[float, float, Sweep]] = []
     for match in sorted(best, reverse=True):
         if len(apart) > most:
             break
-        if all(abs(match[1] - each[1]) >= _APART_SECONDS for each in apart):
+        if all(abs(match[1] - each[1]) >= _MIN_DISTANCE_SECONDS for each in apart):
             apart.append(match)
     floor = max(apart[most][0] if len(apart) > most else 0.0, _MIN_COEFFICIENT / 100)
     least = max(_MIN_COEFFICIENT, MIN_RATIO * floor)

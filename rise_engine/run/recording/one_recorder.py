@@ -64,7 +64,7 @@ class GrowthWatch:
         self._most = size
         return now - self._grown_at < self.stalled_after
 
-    def still_for(self, now: float) -> float:
+    def seconds_since_growth(self, now: float) -> float:
         """Return the seconds since its last growth."""
         return now - self._grown_at
 
@@ -229,7 +229,7 @@ class SupervisedRecorder:
             if not status.recording:
                 self._set(RecordingState("failed", self._path, status.bytes, "it does not record any more"))
             elif not watch.observe(status, loop.time()):
-                why = f"it has not grown for {watch.still_for(loop.time()):.0f} s"
+                why = f"it has not grown for {watch.seconds_since_growth(loop.time()):.0f} s"
                 self._set(RecordingState("stalled", self._path, status.bytes, why))
             elif watch.has_grown:
                 self._set(RecordingState("running", self._path, status.bytes, _drops_text(status)))

@@ -36,7 +36,7 @@ from rise_engine.study.model import SyncSettings
 
 # --- reports to the session -------------------------------------------------------------------------------------------
 
-AGAIN_SECONDS = 1.0
+RETRY_SECONDS = 1.0
 """Interval before it repeats a report that the session did not accept, or attaches again."""
 LAST_SECONDS = 1.0
 """Time limit for the last reports at the end."""
@@ -62,13 +62,13 @@ class SessionReports:
 
     def recording(self, name: str, state: RecordingState) -> None:
         """Report the state of a recording."""
-        self._put((name, state))
+        self._queue_report((name, state))
 
     def note(self, text: str) -> None:
         """Add a remark."""
-        self._put(text)
+        self._queue_report(text)
 
-    def _put(self, what: tuple[str, RecordingState] | str) -> None:
+    def _queue_report(self, what: tuple[str, RecordingState] | str) -> None:
         self._waiting.append(what)
         self._news.set()
         self._all_reported.clear()
@@ -87,16 +87,16 @@ class SessionReports:
                 async with connect(self.socket, self.name) as session:
                     self.session = session
                     self.attached.set()
-                    await self._talk(session)
+                    await self._send_reports(session)
             except LinkLost:
-                await asyncio.sleep(AGAIN_SECONDS)
+                await asyncio.sleep(RETRY_SECONDS)
             except EngineGone:
                 break
             finally:
                 self.session = None
         self.over.set()
 
-    async def _talk(self, session: Session) -> None:
+    async def _send_reports(self, session: Session) -> None:
         """Send all reports. Raises EngineGone when the session is over, LinkLost when the connection was cut."""
         ending = asyncio.create_task(session.wait_until(lambda view: view.ended))
         try:
@@ -105,7 +105,7 @@ class SessionReports:
                     if await self._report_first(session):
                         self._waiting.popleft()
                     else:
-                        await asyncio.sleep(AGAIN_SECONDS)
+                        await asyncio.sleep(RETRY_SECONDS)
                 if not self._waiting:
                     self._all_reported.set()
                 self._news.clear()
@@ -249,13 +249,13 @@ async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mar
     number = max(session.view.sync.number if session.view.sync is not None else 0, reports.last_mark) + 1
     reports.last_mark = number
     try:
-        return await call_within(seconds, _give(mark, session, number, sync), f"for mark {number}")
+        return await call_within(seconds, _give_mark(mark, session, number, sync), f"for mark {number}")
     except RecorderError as error:
         reports.note(f"mark {number} was not given: {error}")
         return False
 
 
-async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSettings) -> bool:
+async def _give_mark(mark: GiveMark, session: Session, number: int, sync: SyncSettings) -> bool:
     try:
         return not (await mark(session, number, sync)).problem
     except (EngineGone, Rejected) as error:

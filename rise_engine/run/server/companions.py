@@ -29,17 +29,17 @@ OUTLET_SECONDS = 3.0
 """Time limit for an outlet after the session's end, to pass on the last markers."""
 GRACE_SECONDS = 1.0
 """Seconds between the request to end (SIGTERM) and the forced end (SIGKILL)."""
-LEFT_SECONDS = 3.0
+ORPHAN_SECONDS = 3.0
 """Time limit for processes that a companion left running, to complete their files."""
-AGAIN_SECONDS = 5.0
+RESTART_DELAY_SECONDS = 5.0
 """Delay before a companion that ended too early is restarted; it continues in a new file."""
-AGAIN = 3
+MAX_RESTARTS = 3
 """Maximum number of restarts. More would only fill the disk."""
 SILENT_SECONDS = 30.0
 """Time without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
 """Stored bytes of a companion's messages. The last line becomes the reason."""
-_OVER: frozenset[RecordingStatus] = frozenset({"stopped", "failed"})
+_FINAL_STATUSES: frozenset[RecordingStatus] = frozenset({"stopped", "failed"})
 
 
 class Companions:
@@ -53,8 +53,8 @@ class Companions:
         *,
         finish_seconds: float = FINISH_SECONDS,
         silent_seconds: float = SILENT_SECONDS,
-        again: int = AGAIN,
-        again_seconds: float = AGAIN_SECONDS,
+        again: int = MAX_RESTARTS,
+        again_seconds: float = RESTART_DELAY_SECONDS,
     ) -> None:
         """Make the companions without starting them.
 
@@ -92,7 +92,7 @@ class Companions:
     async def finish_recorders(self) -> None:
         """Let the recorders finish and exit, before the session ends.
 
-        It takes at most `finish_seconds`, and twice GRACE_SECONDS and LEFT_SECONDS to end processes by force.
+        It takes at most `finish_seconds`, and twice GRACE_SECONDS and ORPHAN_SECONDS to end processes by force.
         """
         await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
 
@@ -239,7 +239,7 @@ class _Companion:
 
     def _fail(self, reason: str) -> None:
         for name in self.request.recordings:
-            if self.status_of(name) not in _OVER:
+            if self.status_of(name) not in _FINAL_STATUSES:
                 self.report(RecordingReport(name=name, status="failed", reason=reason))
 
     async def _read_errors(self, process: Process) -> None:
@@ -277,7 +277,7 @@ async def _end_group(group: int) -> None:
     """
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)
-        for _ in range(round(LEFT_SECONDS / 0.05)):
+        for _ in range(round(ORPHAN_SECONDS / 0.05)):
             await asyncio.sleep(0.05)
             os.killpg(group, 0)  # raises if no process is left
         os.killpg(group, signal.SIGKILL)

@@ -121,7 +121,7 @@ class SessionPreparation:
                 raise ServeRefused(exit_status.USAGE, str(error)) from None
             return folder
         unfinished = find_unfinished(str(Path(options.folder).absolute()))
-        theirs = [each for each in unfinished if self._is_theirs(each)]
+        theirs = [each for each in unfinished if self._is_same_participant(each)]
         others = [each for each in unfinished if each not in theirs]
         if options.unfinished == "ask" and unfinished:
             raise ServeRefused(
@@ -142,7 +142,7 @@ class SessionPreparation:
             )
         return theirs[0] if theirs else None
 
-    def _is_theirs(self, unfinished: Path) -> bool:
+    def _is_same_participant(self, unfinished: Path) -> bool:
         """Whether a session is of the named participant and condition, by its journal. Its other files may differ."""
         return belongs_to(read_info(unfinished, compare=False), self.options.participant, self.options.condition)
 

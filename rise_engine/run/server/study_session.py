@@ -27,7 +27,7 @@ from rise_engine.study.begin import (
     SessionPlan,
     plan_session,
     running_problem,
-    to_give_up,
+    sessions_to_give_up,
     unfinished_sessions_of,
 )
 from rise_engine.study.recording_table import RecordingDecision, decide_recording
@@ -133,7 +133,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.USAGE, *sentences)
         request = self._request(state)
         if self.options.unfinished == "new":
-            state = state.supposing(map(given_up_fields, to_give_up(state, request)))
+            state = state.with_outcomes(map(given_up_fields, sessions_to_give_up(state, request)))
         try:
             return plan_session(state, request)
         except CannotBegin as error:
@@ -214,7 +214,7 @@ class StudyPreparation:
                 exit_status.REFUSED, "the study changed while the session was prepared, so it did not begin: try again"
             )
         new = self.options.unfinished == "new"
-        given_up = to_give_up(open.state, self._request(open.state)) if new else []
+        given_up = sessions_to_give_up(open.state, self._request(open.state)) if new else []
         try:
             for session in given_up:  # check all of them before anything is written
                 refuse_running_elsewhere(session, here=self.options.from_other_computer)

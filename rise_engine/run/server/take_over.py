@@ -11,7 +11,7 @@ from rise_engine.run.engine.engine import Engine, ReplyCallback
 from rise_engine.run.protocol.client import Reply
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import read_info, spoken_as
+from rise_engine.session.folder import read_info, speech_arguments
 from rise_engine.session.scenario_copies import remove_copy, write_copy
 
 MAX_ERRORS = 3
@@ -54,7 +54,7 @@ class ScenarioTakeover:
             self._under_way = None
 
     def _load(self, before: Scenario) -> LoadResult:
-        spoken = spoken_as(read_info(self._folder))
+        spoken = speech_arguments(read_info(self._folder))
         return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
 
     def _then_notify(self, answer: ReplyCallback) -> ReplyCallback:

@@ -23,7 +23,7 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Act, Action, Json, Table
 from rise_engine.scenario.speech.template import MemorySlot
 
-_FEW = 12
+_MAX_NAMES = 12
 """Maximum number of names of an object in a message."""
 _SHORT = 1_000
 """Maximum length of such a list, in characters."""
@@ -87,7 +87,7 @@ class MemoryPaths:
         sibling = nearest_name(missing[0], value)
         if sibling is not None:
             return f"; did you mean `{self._existing_part(path, [sibling, *missing[1:]])}`?"
-        if 0 < len(value) <= _FEW:
+        if 0 < len(value) <= _MAX_NAMES:
             known = in_backquotes(f"{path}.{name}" for name in value)
             return f"; known: {known}" if len(known) < _SHORT else ""
         return ""
@@ -349,7 +349,7 @@ class _PartPaths:
         if column not in table.columns:
             known = [str(each) for each in table.columns]
             near = nearest_name(column, known) if isinstance(column, str) else None
-            remedy = f"did you mean `{near}`?" if near else f"it has {in_backquotes(known[:_FEW])}"
+            remedy = f"did you mean `{near}`?" if near else f"it has {in_backquotes(known[:_MAX_NAMES])}"
             shown = f"`{column}`" if isinstance(column, str) else describe(column)
             return f"the table `{table.name}` has no column {shown}; {remedy}"
         if len(rest) > 1:

@@ -24,7 +24,7 @@ from rise_engine.syntax.toml import KEY_PART, KeyPath, read_places
 
 _AT = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
-_TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORECASE)
+_DUPLICATE_KEY = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORECASE)
 _DOTTED = re.compile(rf"(?:{KEY_PART.pattern})(?:\s*\.\s*(?:{KEY_PART.pattern}))*")
 _BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 """One character of a text in double quotation marks."""
@@ -137,7 +137,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
     else:
         offset = source.offset(int(position.group(1)), int(position.group(2)))
     sentence = _AT.sub("", message).strip().rstrip(".")
-    if _TWICE.search(sentence) is not None:
+    if _DUPLICATE_KEY.search(sentence) is not None:
         line = source.location(offset).line
         at_line = source.line_text(line)
         name, before = _duplicate_key(source, line)

@@ -126,7 +126,7 @@ def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
 
 
 NOTE = ".rise-save.json"
-FRESH = ".rise-new"
+NEW_SUFFIX = ".rise-new"
 """The suffix of a new file that is not in its place yet."""
 
 
@@ -156,7 +156,7 @@ def sum_on_disk(path: Path) -> str | None:
 
 def fresh_path(target: Path) -> Path:
     """The path of new content before it is renamed."""
-    return target.with_name(f".{target.name}{FRESH}")
+    return target.with_name(f".{target.name}{NEW_SUFFIX}")
 
 
 def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
@@ -171,7 +171,7 @@ def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
     return note
 
 
-def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | None]:
+def pending_contents(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | None]:
     """The contents of a save that are not in their place yet, by name; None for a file to be deleted.
 
     Omits files that have changed since the save was killed. Raises OSError.
@@ -193,6 +193,6 @@ def contents_of_interrupted_save(folder: Path) -> dict[str, bytes | None]:
     """The contents of an interrupted save that replace the files on the disk."""
     try:
         note = read_note(folder)
-        return still_to_do(folder, note) if note else {}
+        return pending_contents(folder, note) if note else {}
     except (OSError, msgspec.DecodeError, ValueError):  # without a readable note, the files count
         return {}

@@ -34,7 +34,7 @@ from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_writing import RULE_WRAPPERS
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
-SHORT_AFTER = 0.05
+TOO_SHORT = 0.05
 """Seconds. A rule that loops faster than this floods the record and every console."""
 _TRIGGERS = ("eventTopic", "ended", "after")
 _OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
@@ -51,7 +51,7 @@ class _RuleReader(BlockReader):
         self.targets: list[tuple[str, Element]] = []
         """The targets in the current rule."""
         self.short: list[tuple[str, str, Element]] = []
-        """Its transitions after less than SHORT_AFTER: state, target, element."""
+        """Its transitions after less than TOO_SHORT: state, target, element."""
         self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
         """Its transitions that several states share: the states' names as written, the element, the transitions."""
         self.doubtful: set[SourceLocation] = set()
@@ -159,7 +159,7 @@ class _RuleReader(BlockReader):
                 after = element.attributes["after"].strip()
                 message = (
                     f"after {after} this transition leads back to `{name}` and waits for nothing else: each round is "
-                    f"recorded and sent to every console; wait for at least {1000 * SHORT_AFTER:.0f}ms, or for an event"
+                    f"recorded and sent to every console; wait for at least {1000 * TOO_SHORT:.0f}ms, or for an event"
                 )
                 self.diagnostics.warning("short-loop", self.file.value_location(element, "after"), message)
 
@@ -351,7 +351,7 @@ def _triggers(transition: Transition) -> Iterator[object]:
 def _is_short(transition: Transition) -> bool:
     """Whether a transition waits for hardly any time."""
     after = transition.after
-    return after is not None and after.seconds is not None and after.seconds < SHORT_AFTER and transition.held is None
+    return after is not None and after.seconds is not None and after.seconds < TOO_SHORT and transition.held is None
 
 
 def _raised_topics(block: Block) -> Iterator[str]:

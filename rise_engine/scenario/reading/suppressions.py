@@ -229,7 +229,7 @@ def memory_suppressions(
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
 _MAX_QUOTED = 4
 """Maximum number of quoted names of a sentence that are searched for. The first ones are the subject."""
-_GOES_ON = re.compile(r"(?<=\w)[\w.]*\w")
+_NAME_CONTINUES = re.compile(r"(?<=\w)[\w.]*\w")
 """The rest of a longer name that only begins with the quoted name."""
 _MAX_CHARACTERS = 400
 """Maximum number of characters that are underlined, and that are searched in a sentence."""
@@ -259,7 +259,7 @@ def end_offset(source: SourceFile, start: int, message: str) -> int:
     line = _LINE.match(source.text[start : start + _MAX_CHARACTERS])
     text = line.group() if line is not None else ""
     lengths = (written_length(text, 0, name) for name in _QUOTED.findall(message[:_MAX_CHARACTERS])[:_MAX_QUOTED])
-    length = max((each for each in lengths if not _GOES_ON.match(text, each)), default=0)
+    length = max((each for each in lengths if not _NAME_CONTINUES.match(text, each)), default=0)
     return start + max(length or match_end(_pattern(source, start), text, 0), min(1, len(text)))
 
 

@@ -33,7 +33,7 @@ _WRITTEN_INSTEAD = """
     japanese ja  jp ja  chinese zh  cn zh  korean ko  greek el  gr el  turkish tr  russian ru  arabic ar  hebrew he
     hindi hi
 """
-_MEANT = dict(zip(_WRITTEN_INSTEAD.split()[::2], _WRITTEN_INSTEAD.split()[1::2], strict=True))
+_INTENDED_TAGS = dict(zip(_WRITTEN_INSTEAD.split()[::2], _WRITTEN_INSTEAD.split()[1::2], strict=True))
 """Usual spellings, and the intended tags."""
 
 
@@ -44,7 +44,7 @@ def language_problem(tag: str) -> str:
     ('', '`german` is not a language tag; write de')
     """
     small = tag.lower()
-    meant = _MEANT.get(small, "")
+    meant = _INTENDED_TAGS.get(small, "")
     if not meant and "_" in small and not language_problem(tag.replace("_", "-")):
         meant = tag.replace("_", "-")
     if meant:
@@ -63,7 +63,7 @@ def meant_language(text: str) -> str:
     >>> meant_language("German"), meant_language("de-AT"), meant_language("old")
     ('de', 'de-AT', '')
     """
-    meant = _MEANT.get(text.lower(), "") or text
+    meant = _INTENDED_TAGS.get(text.lower(), "") or text
     return meant if len(meant.partition("-")[0]) == 2 and not language_problem(meant) else ""
 
 

@@ -26,7 +26,7 @@ _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _SILENT_ELEMENTS = frozenset({"desc", "meta", "metadata", "lexicon", "lookup"})
 _PRONOUNCED_ELEMENTS = frozenset({"phoneme", "say-as", "sub"})
 """Elements with a pronunciation from the author."""
-_APART = frozenset({"break", "p", "s"})
+_SEPARATING_ELEMENTS = frozenset({"break", "p", "s"})
 """Elements that separate words, as a blank does."""
 _GAP = "\0"
 """Replaces them while words are collected; XML cannot contain it."""
@@ -198,7 +198,7 @@ def _read(text: str) -> SpokenSsml | None:
     pauses: list[float] = []
 
     def visit(element: SsmlElement) -> None:
-        apart = _GAP if element.tag in _APART else ""
+        apart = _GAP if element.tag in _SEPARATING_ELEMENTS else ""
         pieces.append(apart)
         if element.tag == "sub" and (alias := element.attributes.get("alias")) is not None:
             pieces.append(alias)

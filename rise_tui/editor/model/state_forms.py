@@ -99,12 +99,12 @@ class EventKeyForm(Form):
             name = bindable_key_name(key)
         except KeyRefusedError as error:
             raise EditRefused(str(error)) from None
-        if name in self._taken():
+        if name in self._used_keys():
             raise EditRefused(f"the key {key} does something else already")
         binding = {"event": f"/{self.event}"} | ({"label": label} if label else {})
         return (SetSetting(("keys", key), binding),)
 
-    def _taken(self) -> set[str]:
+    def _used_keys(self) -> set[str]:
         """The names of keys of the keyboard that have a function."""
         found: set[str] = set()
         for key in self.names.keyboard:

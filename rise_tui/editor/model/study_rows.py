@@ -13,7 +13,7 @@ from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
-ALSO = (
+FURTHER_PAGES = (
     ("texts", "Texts", "the texts of the acts in each language"),
     ("memory", "Memory", "start values"),
     ("keys", "Keys", "what each key does"),
@@ -21,7 +21,7 @@ ALSO = (
     ("tables", "Tables", "lists of items"),
 )
 """Pages other than acts and rules, by their kinds."""
-OF_STUDY = (
+STUDY_PAGES = (
     ("tables", "People", "participants.csv"),
     ("settings", "Design", "study.toml: factors, plan, checks"),
 )
@@ -67,7 +67,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
 
     rows = [ListRow("", ((f" find {wanted}: esc shows all", "wait"),), selectable=False)] if wanted else []
     if is_study_alone(draft):
-        of_study = [each for each in OF_STUDY if fits(*each[1:])]
+        of_study = [each for each in STUDY_PAGES if fits(*each[1:])]
         return [*rows, *(ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in of_study)]
     acts = [act for act in draft.outline.acts if fits(act.name, *(all_texts(action) for action in act.actions))]
     rows.append(heading("ACTS", len(acts)))
@@ -86,7 +86,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         )
         key = keys[("rule", rule.name)][0].label if ("rule", rule.name) in keys else ""
         rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
-    also = [(kind, title, help) for kind, title, help in ALSO if fits(title, help)]
+    also = [(kind, title, help) for kind, title, help in FURTHER_PAGES if fits(title, help)]
     if also:
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
     rows += [ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in also]
@@ -100,7 +100,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
 
 def best_row(rows: Sequence[ListRow], wanted: str) -> str:
     """The best match of a search: a row whose name begins with the text, or else the first one."""
-    titles = {kind: title for kind, title, _ in ALSO}
+    titles = {kind: title for kind, title, _ in FURTHER_PAGES}
 
     def title(id: str) -> str:
         kind, name = split_row_id(id)

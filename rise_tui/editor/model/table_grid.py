@@ -85,11 +85,11 @@ def grid_of(draft: StudyDraft, wanted: str = "") -> Grid:
 
 
 def _cells(draft: StudyDraft, name: str) -> GridTable | str:
-    own = tuple((file, data) for file, data in draft.files.items() if _is_of(file, name))
+    own = tuple((file, data) for file, data in draft.files.items() if _belongs_to(file, name))
     return _read_cells(name, own)
 
 
-def _is_of(file: str, name: str) -> bool:
+def _belongs_to(file: str, name: str) -> bool:
     if name == PARTICIPANTS_FILE:
         return file in (PARTICIPANTS_FILE, STUDY_FILE)
     folder, _, rest = file.rpartition("/")
@@ -136,8 +136,8 @@ def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
 def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColumn]:
     """The columns that fit, including the one with the cursor.
 
-    If all columns fit, each gets its full width. Otherwise none is wider than `MAX_COLUMN_WIDTH`, cut columns share the rest, and
-    columns before the cursor's are hidden.
+    If all columns fit, each gets its full width. Otherwise none is wider than `MAX_COLUMN_WIDTH`, cut columns share
+    the rest, and columns before the cursor's are hidden.
 
     :param column: the index of the column with the cursor. :param width: cells of a row.
     """

@@ -394,7 +394,7 @@ def translation_edits(entry: TextEntry, language: str, typed: str) -> tuple[AnyE
     return (SetTranslation(language, entry.text.act, entry.text.key, typed or None),)
 
 
-def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
+def confirmation_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
     """The edits that confirm a stale translation for the present text.
 
     :raises EditRefused: the translation is not stale, or has other memory values than the text.

@@ -13,7 +13,7 @@ from rise_engine.author.trial.trial_state import (
     TransitionOption,
     events_to_raise,
     key_choices,
-    memory_that_counts,
+    relevant_memory,
     running_acts,
     running_rules,
 )
@@ -187,7 +187,7 @@ def _key_row(choice: KeyChoice, width: int) -> ListRow:
 
 
 def _memory_rows(trial: Trial, rule: str, width: int) -> Iterator[ListRow]:
-    lines = memory_that_counts(trial, rule)
+    lines = relevant_memory(trial, rule)
     if lines:
         yield _heading("MEMORY USED HERE   enter sets a value")
     for line in lines:

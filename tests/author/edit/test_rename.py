@@ -73,7 +73,7 @@ def write(files: Files, folder: Path) -> Path:
 _BEFORE: dict[str, list[str]] = {}
 
 
-def as_it_was(study: str, capfd: pytest.CaptureFixture[bytes], folder: Path) -> list[str]:
+def is_identical(study: str, capfd: pytest.CaptureFixture[bytes], folder: Path) -> list[str]:
     """The records of a study before anything is renamed; played once."""
     if study not in _BEFORE:
         _BEFORE[study] = records(write(study_files(study), folder / study), capfd)
@@ -87,7 +87,7 @@ def test_the_records_are_equal_but_for_the_name(
 ) -> None:
     renamed = after(study_state(study), Rename(kind, old, new))
     assert not renamed.checked.errors
-    before = as_it_was(study, capfdbinary, tmp_path)
+    before = is_identical(study, capfdbinary, tmp_path)
     now = records(write(renamed.files, tmp_path / "renamed" / study), capfdbinary)
     alone = (old.rpartition("/")[2] if kind in ("state", "action") else old).removeprefix("/")
     fresh = json.dumps(new.removeprefix("/"), ensure_ascii=False)[1:-1]

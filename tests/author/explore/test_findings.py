@@ -82,10 +82,10 @@ tries = { task = [2.5, "two"] }
 
 
 def test_a_value_that_leads_nowhere_is_found_and_leads_somewhere_now(tmp_path: Path) -> None:
-    stuck = of_kind(with_tables("lablinking", TRIES, tmp_path), "dead-end")
-    assert [finding.state for finding in stuck] == ["Start"]
-    assert stuck[0].path is not None
-    assert [step.move.kind for step in stuck[0].path.steps] == ["try", "key"]
+    stuck_situations = of_kind(with_tables("lablinking", TRIES, tmp_path), "dead-end")
+    assert [finding.state for finding in stuck_situations] == ["Start"]
+    assert stuck_situations[0].path is not None
+    assert [step.move.kind for step in stuck_situations[0].path.steps] == ["try", "key"]
     tries = Bounds(stop=False, lost=False, faults=0, tries={"task": (2.5, "two")})
     assert not of_kind(explore(shipped("lablinking"), tries), "dead-end")
 

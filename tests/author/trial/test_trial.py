@@ -14,7 +14,7 @@ from rise_engine.author.trial.trial_history import history_lines, step_lines
 from rise_engine.author.trial.trial_state import (
     events_to_raise,
     key_choices,
-    memory_that_counts,
+    relevant_memory,
     running_acts,
     running_rules,
 )
@@ -261,10 +261,10 @@ def test_keys_say_what_they_would_do_and_the_awaited_come_first(guide: Scenario)
 def test_the_memory_that_counts_is_what_the_state_reads_or_sets(guide: Scenario) -> None:
     trial = Trial(guide)
     trial.start_rule("Guide", "Talking")
-    lines = {line.key: (line.value, line.source) for line in memory_that_counts(trial, "Guide")}
+    lines = {line.key: (line.value, line.source) for line in relevant_memory(trial, "Guide")}
     assert lines == {"name": ("Ada", "start value"), "tries": (1, "rule Guide")}
     trial.set_value("name = 'Bea'")
-    assert memory_that_counts(trial, "Guide")[0].source == "you"
+    assert relevant_memory(trial, "Guide")[0].source == "you"
 
 
 def test_a_condition_of_the_study_and_values_of_ones_own(lablinking: Scenario) -> None:

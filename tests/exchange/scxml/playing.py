@@ -26,7 +26,7 @@ from rise_exchange.scxml.limits import RuleAnalysis
 from rise_engine.kernel.behaviors import read_rule_start
 from rise_engine.kernel.core import EventTopic
 from rise_engine.kernel.inputs import AnyInput, TimerElapsed
-from rise_engine.kernel.kept_events import OFFER
+from rise_engine.kernel.kept_events import KEPT_OFFER
 from rise_engine.kernel.records import AnyRecord, EventRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.scenario.model import Rule, Scenario
 from tests.kernel.harness import Session
@@ -137,9 +137,9 @@ class _WatchedSession(Session):
         calls = 0
         routed = iter([record for record in records if isinstance(record, EventRecord)])
         for topic, source, after in self._queued.appended:
-            if topic is not OFFER:
+            if topic is not KEPT_OFFER:
                 taker = next(routed).taken_by
-                if self._comes(topic, source, taker):
+                if self._matches_path(topic, source, taker):
                     feed.append({"name": self._name(topic), "data": None, "after": after, "first": False})
         new = self._calls(records)
         for record in records:
@@ -175,7 +175,7 @@ class _WatchedSession(Session):
         target = self.kernel.core.timers.get(timer)
         return target is not None and target.purpose == "after" and target.owner == self.rule_name
 
-    def _comes(self, topic: EventTopic, source: str, taker: str | None) -> bool:
+    def _matches_path(self, topic: EventTopic, source: str, taker: str | None) -> bool:
         """Whether whoever runs the document sends it this event."""
         if source == self._source:
             return topic.name not in self._analysis.own_topics and taker == self.rule_name

@@ -16,6 +16,7 @@ from rise_tui.editor.model.text_rows import (
     TextState,
     TextsView,
     column_line,
+    confirmation_edits,
     count_texts,
     entry_head,
     folder_from,
@@ -29,7 +30,6 @@ from rise_tui.editor.model.text_rows import (
     session_note,
     shown_entries,
     speaking_seconds,
-    still_right_edits,
     text_entries,
     text_rows,
     translation_edits,
@@ -212,17 +212,17 @@ def test_a_text_of_a_template_is_changed_where_it_is_used(folder: Path) -> None:
 
 def test_only_a_stale_translation_with_the_same_slots_is_right_still(folder: Path) -> None:
     draft = draft_of(Workspace(folder))
-    edits = still_right_edits(entry(draft, STALE), "de")
+    edits = confirmation_edits(entry(draft, STALE), "de")
     assert edits == (SetTranslation("de", "R_Praise", "2/1", "Sehr gut!"),)
     workspace = Workspace(folder)
     workspace.apply(*edits)
     assert entry(draft_of(workspace), STALE).state == "there"
     for id in (MISSING, "R_Praise/2/2"):
         with pytest.raises(EditRefused, match="is not of an earlier text"):
-            still_right_edits(entry(draft, id), "de")
+            confirmation_edits(entry(draft, id), "de")
     replace(folder / "acts" / "feedback.xml", "Very well done!", "Very well done, {person_name}!")
     with pytest.raises(EditRefused, match=r"cannot still be right: the translation leaves out \{person_name\}"):
-        still_right_edits(entry(draft_of(Workspace(folder)), STALE), "de")
+        confirmation_edits(entry(draft_of(Workspace(folder)), STALE), "de")
 
 
 # --- places ---------------------------------------------------------------------------------------------------------

@@ -63,7 +63,7 @@ def test_in_debug_mode_nobody_is_asked() -> None:
 
 
 def test_the_name_is_found_again_and_said(state: Path) -> None:
-    save_all(UiState(Preferences(theme="light")).keep_wizard("anna"))
+    save_all(UiState(Preferences(theme="light")).save_wizard_name("anna"))
     assert load_saved(state, Preferences)[0].wizard == "anna"
     person = Person("ben")
     for is_real in (real, debug):
@@ -74,6 +74,6 @@ def test_the_name_is_found_again_and_said(state: Path) -> None:
 
 
 def test_who_only_watches_leaves_no_name(state: Path) -> None:
-    save_all(UiState(Preferences(), keeps_changes=False).keep_wizard("anna"))
+    save_all(UiState(Preferences(), keeps_changes=False).save_wizard_name("anna"))
     assert not state.exists()
-    assert UiState(Preferences(wizard="anna")).keep_wizard("anna") == []
+    assert UiState(Preferences(wizard="anna")).save_wizard_name("anna") == []

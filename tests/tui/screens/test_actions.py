@@ -8,7 +8,7 @@ import pytest
 from textual.binding import Binding
 
 from rise_engine.scenario.keys import CONSOLE_KEYS
-from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, ON_STUDY_SCREEN, actions_in, bindings_in
+from rise_tui.actions import ACTIONS, BY_ID, KEY_SCOPES, STUDY_SCREEN_ACTIONS, actions_in, bindings_in
 from rise_tui.key_labels import (
     first_key_label,
     key_label,
@@ -36,7 +36,7 @@ def test_no_key_means_two_things_at_one_time() -> None:
         if place not in ("everywhere", "console"):
             keys = [key for action in actions_in(place) for key in action.keys]
             assert len(keys) == len(set(keys))
-            shared = [key for action in ACTIONS if action.id in ON_STUDY_SCREEN for key in action.keys]
+            shared = [key for action in ACTIONS if action.id in STUDY_SCREEN_ACTIONS for key in action.keys]
             always = [key for action in actions_in("everywhere") for key in action.keys]
             assert not set(keys) & set([*always, *shared] if place in ("study", "edit") else common)
 

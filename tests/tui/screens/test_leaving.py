@@ -187,7 +187,7 @@ async def test_a_console_that_has_left_does_not_wait_for_the_end_of_a_record_tha
     """The wait is in a thread, and a process cannot exit before its threads."""
     (tmp_path / JOURNAL).touch()
     looked: list[Path] = []
-    monkeypatch.setattr("rise_tui.console.session._gets_end", looked.append)
+    monkeypatch.setattr("rise_tui.console.session._has_recorded_end", looked.append)
     session = await ConsoleSession.attach(FakeClient(demo(), folder=str(tmp_path)), "anna")
     receiving = asyncio.create_task(session.receive_records())
     await session.close(end_session=False)

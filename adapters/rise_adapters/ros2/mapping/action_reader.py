@@ -25,7 +25,7 @@ from rise_engine.scenario.parameters import accepts_any_name, listed_names
 _QUALITY_KEYS = ("reliability", "durability", "depth")
 _RELIABILITY = {"reliable": True, "best_effort": False}
 _DURABILITY = {"volatile": False, "transient_local": True}
-_DEEPEST = 10_000
+_MAX_HISTORY = 10_000
 """Maximum number of messages kept for one topic."""
 
 
@@ -52,8 +52,8 @@ def _parse_quality(table: Any, before: QoS, where: str, mistakes: ProfileMistake
         return before
     mistakes.add_unknown_keys(where, table, _QUALITY_KEYS)
     depth = table.get("depth", before.depth)
-    if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _DEEPEST:
-        mistakes.add(f"{where}.depth", f"is a whole number of messages from 1 to {_DEEPEST}")
+    if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= _MAX_HISTORY:
+        mistakes.add(f"{where}.depth", f"is a whole number of messages from 1 to {_MAX_HISTORY}")
         depth = before.depth
     reliable = _parse_choice(table.get("reliability"), _RELIABILITY, before.reliable, f"{where}.reliability", mistakes)
     latched = _parse_choice(table.get("durability"), _DURABILITY, before.latched, f"{where}.durability", mistakes)
@@ -184,7 +184,7 @@ _TYPES: dict[MappingKind, tuple[str, str]] = {
     "service": ("srv", "std_srvs/srv/Trigger"),
 }
 """The middle part of a ROS type, and an example."""
-_OF_ACTIONS = ("acceptance", "feedback", "cancel")
+_ACTION_DEADLINES = ("acceptance", "feedback", "cancel")
 """Deadlines of phases that a service does not have."""
 MAX_RATE = 100.0
 """Maximum messages a second."""
@@ -237,7 +237,7 @@ class ActionReader:
             mapping = replace(mapping, result_rule=rule)
         if kind == "service":
             for key in self._read_table("deadlines"):
-                if key in _OF_ACTIONS:
+                if key in _ACTION_DEADLINES:
                     self._add_mistake(f"deadlines.{key}", "is of actions; a service has `server` and `result`")
         else:
             qos = parse_qos(self._read_table("qos"), kind, self._path_of("qos"), self._mistakes)

@@ -24,7 +24,7 @@ _INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
 """The largest number of each type."""
 _TEXTS = ("string", "wstring")
-_NEARLY = 1e-9
+_ROUNDING_ERROR = 1e-9
 """Relative error within which a number counts as whole: 0.3 s in ms is 300, in spite of binary rounding."""
 
 
@@ -168,7 +168,7 @@ def describe_value(value: Any) -> str:
 
 def _fit_integer(value: Any, name: str) -> int | None:
     if isinstance(value, float):
-        if not math.isfinite(value) or abs(value - round(value)) > _NEARLY * max(1.0, abs(value)):
+        if not math.isfinite(value) or abs(value - round(value)) > _ROUNDING_ERROR * max(1.0, abs(value)):
             return None
         value = round(value)
     if not isinstance(value, int):

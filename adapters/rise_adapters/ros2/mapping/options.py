@@ -25,7 +25,7 @@ from rise_engine.scenario.model import RobotProfile
 
 WHERE = "options.estop"
 _TYPE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", re.ASCII)
-_OF_TOPIC = ("topic", "type", "when", "silent_after")
+_TOPIC_KEYS = ("topic", "type", "when", "silent_after")
 
 
 def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> EstopMapping | None:
@@ -34,7 +34,7 @@ def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> Est
         mistakes.add(WHERE, 'is a table with a `topic` or a `service`: { topic = "/estop", type = ..., when = ... }')
         return None
     kind = "topic" if "topic" in table else "service"
-    mistakes.add_unknown_keys(WHERE, table, _OF_TOPIC if kind == "topic" else ("service",))
+    mistakes.add_unknown_keys(WHERE, table, _TOPIC_KEYS if kind == "topic" else ("service",))
     name = table[kind]
     if not is_ros_name(name):
         mistakes.add(f"{WHERE}.{kind}", "is a ROS name such as `/estop_pressed`")

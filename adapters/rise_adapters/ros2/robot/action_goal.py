@@ -275,7 +275,7 @@ class ActionGoal:
         status = statuses.get(self.id)
         now = self._now()
         if status is None:
-            if self.phase == "running" and self._result.may_doubt(now):
+            if self.phase == "running" and self._result.may_repeat_request(now):
                 self._ask_result()
             return
         self._heard_at = now
@@ -294,7 +294,7 @@ class ActionGoal:
             result.finish(now, status)
             if result.discarded_at < inf:
                 self._end_discarded()
-            elif result.may_doubt(now):
+            elif result.may_repeat_request(now):
                 self._ask_result()
             self._host.on_goal_changed(self)
         elif self.phase == "ended":
@@ -432,7 +432,7 @@ class ActionGoal:
             self._result.taken = True
             self._end(*endings.of_restart(self.endpoint.name))  # another server may have it, and is asked to cancel it
         elif self._result.discarded_at == inf:
-            self._result.disown(self._now())
+            self._result.note_unknown_goal(self._now())
             self._host.on_goal_changed(self)
 
     def _end_discarded(self) -> None:

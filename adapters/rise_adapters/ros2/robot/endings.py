@@ -62,14 +62,14 @@ class ResultQuery:
         self.finished_as = status
         self.missing_at = now + RESULT_GRACE
 
-    def disown(self, now: float) -> None:
+    def note_unknown_goal(self, now: float) -> None:
         """Note that the server does not know the goal. UNKNOWN_GRACE later the goal is judged."""
         self.discarded_at = now + UNKNOWN_GRACE
 
     def is_due(self, now: float) -> bool:
         return now >= self._requested_at + REPEAT_SECONDS
 
-    def may_doubt(self, now: float) -> bool:
+    def may_repeat_request(self, now: float) -> bool:
         """Whether the last request is old enough to repeat it when something seems wrong."""
         return now >= self._requested_at + SHORT_REPEAT_SECONDS
 

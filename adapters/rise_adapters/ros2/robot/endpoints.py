@@ -37,7 +37,7 @@ owes an answer. unheard: some of its messages do not arrive."""
 ASKING_SECONDS = 0.5
 """Seconds after it appears for questions about earlier goals, before the fault is reported."""
 
-HEARING_SECONDS = 5.0
+STATUS_WAIT_SECONDS = 5.0
 """Seconds until a new status topic delivers its last status, even after one loss (Fast DDS repeats after 3 s)."""
 
 PROBE_SECONDS = 2.0
@@ -60,7 +60,7 @@ class EndpointGoal(Protocol):
 
 NOT_HEARD = "it may not have heard that it should stop"
 
-UNLISTED_SECONDS = 1.0
+DISCOVERY_SECONDS = 1.0
 """Seconds for all parts of a new endpoint to be seen and compared. Later, the middleware lists no more parts."""
 
 
@@ -126,7 +126,7 @@ class _ComparedEndpoint:
     @property
     def is_compared(self) -> bool:
         """Whether every part is compared, or the missing ones will not be listed any more."""
-        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED_SECONDS
+        return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + DISCOVERY_SECONDS
 
     @property
     def is_ready(self) -> bool:
@@ -223,7 +223,7 @@ class ActionEndpoint(_ComparedEndpoint):
     def shows_goals(self) -> bool:
         """Whether a goal that runs there would be visible: after an absence, only by a status, if it publishes any."""
         is_mute = not self.client.count_status_publishers()
-        is_late = self._clock.now() >= self.presence.appeared_at + HEARING_SECONDS
+        is_late = self._clock.now() >= self.presence.appeared_at + STATUS_WAIT_SECONDS
         return self.was_heard or (is_late if self._was_away and is_mute else self.is_known and not self._was_away)
 
     def _is_heard_out(self) -> bool:
@@ -233,7 +233,7 @@ class ActionEndpoint(_ComparedEndpoint):
             self._status_found_at = None
         elif self._status_found_at is None:
             self._status_found_at = now
-        return self._status_found_at is not None and now >= self._status_found_at + HEARING_SECONDS
+        return self._status_found_at is not None and now >= self._status_found_at + STATUS_WAIT_SECONDS
 
     def compare(self) -> bool:
         looked = super().compare()
@@ -366,7 +366,7 @@ class TopicEndpoint(_ComparedEndpoint):
             if end.type == self._mapping.type and not compatibility.qos_conflict(own, end.qos)
         ]
         unknown = 0 if ends or self._transport.failure() else self.publisher.count_subscribers()
-        ends = [end for end in ends if not compatibility.only_looks_on(end.node)]
+        ends = [end for end in ends if not compatibility.is_observer(end.node)]
         self._is_lossy = not own.reliable or any(end.qos is not None and not end.qos.reliable for end in ends)
         unknown += sum(not end.program for end in ends)
         nodes: dict[bytes, set[str]] = {b"%d" % number: set() for number in range(unknown)}
@@ -421,17 +421,17 @@ class TopicEndpoint(_ComparedEndpoint):
 
     def is_open(self, goal: EndpointGoal) -> bool:
         """Whether a listener may still carry out the order of an ended goal."""
-        return self.user is goal or (self.reset_by is goal and self.is_owed)
+        return self.user is goal or (self.reset_by is goal and self.owes_reset)
 
     @property
-    def is_owed(self) -> bool:
+    def owes_reset(self) -> bool:
         """Whether the reset may not have reached a program that has an order."""
-        return self._listeners.is_owed
+        return self._listeners.owes_reset
 
     @property
     def all_received_reset(self) -> bool:
         """Whether all listeners have received the last reset, as far as that can be known."""
-        return not (self._listeners.is_owed or self._listeners.lacks_reset)
+        return not (self._listeners.owes_reset or self._listeners.lacks_reset)
 
     def _publish_reset(self) -> None:
         reset = self._make_reset(self.reset_by.action if self.reset_by is not None else "")

@@ -29,7 +29,7 @@ from rise_engine.kernel.inputs import EstopReport
 SERVICE_TYPE = "std_srvs/srv/SetBool"
 UNHEARD_SECONDS = 2.0
 """Seconds that an emergency stop may be silent after its discovery."""
-SLEPT_SECONDS = 1.0
+SLEEP_LIMIT_SECONDS = 1.0
 """Seconds of the computer's sleep after which the state is unknown."""
 
 
@@ -109,8 +109,8 @@ class EstopInput:
         self._programs = {program: before.get(program, now) for program, _ in self._ends}
         slept = suspended_seconds() - self._suspended
         self._suspended += slept
-        self._ask_again |= self._ends != ends_before or slept >= SLEPT_SECONDS
-        if self._programs.keys() - before.keys() or slept >= SLEPT_SECONDS:  # an earlier report may be outdated
+        self._ask_again |= self._ends != ends_before or slept >= SLEEP_LIMIT_SECONDS
+        if self._programs.keys() - before.keys() or slept >= SLEEP_LIMIT_SECONDS:  # an earlier report may be outdated
             self._since = now
             self.pressed = self.pressed or None
         # A killed program stays visible for a while. Two programs that stay longer than that are two buttons.
@@ -140,7 +140,7 @@ class EstopInput:
             return "gone"
         if self._is_inherited:
             return "inherited"
-        if self.pressed is None or suspended_seconds() >= self._suspended + SLEPT_SECONDS:
+        if self.pressed is None or suspended_seconds() >= self._suspended + SLEEP_LIMIT_SECONDS:
             return "unheard"
         limit = self._mapping.silent_after
         return "silent" if limit and self._now() > self._since + limit else ""

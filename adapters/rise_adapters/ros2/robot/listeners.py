@@ -60,7 +60,7 @@ class Listeners:
         back = self._since.keys() if stands and latched else self._away & self._since.keys()
         self._ordered |= back
         self._away -= back
-        if not (stands or self.is_owed) and all(now >= at + LEASE_SECONDS for at in self._reset_at.values()):
+        if not (stands or self.owes_reset) and all(now >= at + LEASE_SECONDS for at in self._reset_at.values()):
             self.excuse_absent()
 
     def order(self, found: Mapping[bytes, str], *, stands: bool) -> None:
@@ -105,7 +105,7 @@ class Listeners:
         return bool(self._since.keys() - self._reset_at.keys())
 
     @property
-    def is_owed(self) -> bool:
+    def owes_reset(self) -> bool:
         """Whether a program has an order, has not received its reset, and no other program has replaced it."""
         missing, received = self._ordered - self._reset_at.keys(), self._reset_at.keys()
         if _UNKNOWN_PROGRAM in missing and not any(self._replaces(each, _UNKNOWN_PROGRAM) for each in received):

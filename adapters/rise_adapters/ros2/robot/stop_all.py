@@ -106,7 +106,7 @@ class CancelAll:
         return self.answer is not None and self.answer.code == CANCEL_REJECTED and not self.answer.goals
 
     @property
-    def owes_answer(self) -> bool:
+    def needs_asking(self) -> bool:
         """Whether to ask it, again or for the first time. Its status may not show a goal that it does not stop."""
         return self.answer is None or (self._has_rejected and not self.find_running())
 
@@ -269,7 +269,7 @@ class StopAll:
             self._finish()
         if self._is_abandoned or (self._reported is not None and not self._reported.unconfirmed):
             return
-        self._ask(cancel for cancel in self._cancels if cancel.owes_answer)
+        self._ask(cancel for cancel in self._cancels if cancel.needs_asking)
         again = min(now + REPEAT_SECONDS, self._until) if self._reported is None else now + SLOW_REPEAT_SECONDS
         self._timer = self._clock.call_at(again, self._keep_asking)
         self.poll()

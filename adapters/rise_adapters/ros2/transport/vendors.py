@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 CYCLONE, FAST, CONNEXT = "0110", "010f", "0101"
 
-_KNOWN = {
+_VENDORS = {
     CYCLONE: ("Cyclone DDS", "rmw_cyclonedds_cpp"),
     FAST: ("eProsima Fast DDS", "rmw_fastrtps_cpp"),
     CONNEXT: ("RTI Connext DDS", "rmw_connextdds"),
@@ -20,27 +20,27 @@ _KNOWN = {
     "0112": ("RustDDS", ""),
     "0114": ("GurumDDS", "rmw_gurumdds_cpp"),
 }
-_MORE = {"rmw_fastrtps_dynamic_cpp": FAST}
+_OTHER_RMW = {"rmw_fastrtps_dynamic_cpp": FAST}
 
 Crossing: TypeAlias = Literal["yes", "no", "unknown"]
 
 
 def vendor_name(vendor: str) -> str:
     """A vendor for a person: `eProsima Fast DDS (rmw_fastrtps_cpp)`."""
-    if vendor not in _KNOWN:
+    if vendor not in _VENDORS:
         return f"DDS software of another vendor (number {vendor})"
-    name, rmw = _KNOWN[vendor]
+    name, rmw = _VENDORS[vendor]
     return f"{name} ({rmw})" if rmw else name
 
 
 def rmw_of_vendor(vendor: str) -> str:
     """The vendor's RMW_IMPLEMENTATION; empty: unknown."""
-    return _KNOWN.get(vendor, ("", ""))[1]
+    return _VENDORS.get(vendor, ("", ""))[1]
 
 
 def vendor_of_rmw(identifier: str) -> str:
     """The vendor of an RMW_IMPLEMENTATION; empty: none (Zenoh is not DDS)."""
-    known = {rmw: vendor for vendor, (_, rmw) in _KNOWN.items() if rmw} | _MORE
+    known = {rmw: vendor for vendor, (_, rmw) in _VENDORS.items() if rmw} | _OTHER_RMW
     return known.get(identifier, "")
 
 

@@ -26,7 +26,7 @@ from pathlib import Path
 from rise_adapters.ros2.mapping import ActionMapping, read_mappings, read_options, with_all_carriers
 from rise_adapters.ros2.robot.lifecycle import EVENT_TYPE, STATE_TYPE
 from rise_adapters.ros2.transport.port import Closable, Message, PortError, SendReply, Subscription, Transport
-from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, parse_fault
+from rise_adapters.simulated.faults import CANCEL_FAULTS, ActionFault, LinkFault, parse_fault
 
 from rise_engine.ports.robot import Clock, Timer
 from rise_engine.run.engine.clock import RealClock
@@ -85,7 +85,7 @@ class RobotOnWire:
         for fault in self._faults:
             mapping = self._mappings.get(fault.action)
             if mapping is not None and (
-                mapping.kind == "topic" or (mapping.kind == "service" and fault.kind in OF_CANCELS)
+                mapping.kind == "topic" or (mapping.kind == "service" and fault.kind in CANCEL_FAULTS)
             ):
                 what = "nobody answers on a topic" if mapping.kind == "topic" else "nobody stops a call of a service"
                 raise ValueError(f"the fault {fault.action}={fault.kind} cannot happen: {what} ({mapping.name})")
