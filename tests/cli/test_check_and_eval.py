@@ -14,7 +14,7 @@ import pytest
 from msgspec import structs
 
 from rise_engine.cli.session.transcript import Transcript, clock_text
-from rise_engine.kernel.record_words import parameters_text
+from rise_engine.kernel.record_words import ACTIONS_IN_MS, parameters_text
 from rise_engine.kernel.records import (
     ActionRecord,
     AnyRecord,
@@ -28,6 +28,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
 )
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.chance import some
 from tests.cli.processes import ENGINE, engine, folder
 from tests.cli.started_anew import run_all
@@ -339,5 +340,11 @@ def test_times_and_parameters_in_short() -> None:
         "00:00.0", "00:03.2", "00:59.9", "01:00.0", "1:00:00.0", "1:01:01.5",
     ]  # fmt: skip
     assert clock_text(1e300) == clock_text(float("inf"))
-    assert parameters_text({"message": "Hi", "rate": 0.8}) == '"Hi" rate=0.8'
-    assert parameters_text({"pointx": 1, "pointy": 0, "pointz": 2.5, "duration": 100}) == "(1, 0, 2.5) 100 ms"
+    assert parameters_text("Speech", {"message": "Hi", "rate": 0.8}) == '"Hi" rate=0.8'
+    assert parameters_text("LookAt", {"pointx": 1, "pointy": 0, "pointz": 2.5, "duration": 100}) == "(1, 0, 2.5) 100 ms"
+
+
+def test_a_duration_is_in_ms_only_for_actions_that_declare_it_so() -> None:
+    in_ms = {name for name, spec in core_actions().items() if (p := spec.parameters.get("duration")) and p.unit == "ms"}
+    assert ACTIONS_IN_MS == in_ms
+    assert parameters_text("Glow", {"duration": 7}) == "duration=7"

@@ -232,7 +232,7 @@ class SimulatedAction:
 
 def describe_action(spec: ActionSpec, parameters: dict[str, Any]) -> str:
     """`Speech "Hello!"`"""
-    return f"{spec.name} {parameters_text(parameters)}".rstrip()
+    return f"{spec.name} {parameters_text(spec.name, parameters)}".rstrip()
 
 
 class _RunningGoal:
