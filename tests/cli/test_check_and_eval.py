@@ -346,5 +346,5 @@ def test_times_and_parameters_in_short() -> None:
 
 def test_a_duration_is_in_ms_only_for_actions_that_declare_it_so() -> None:
     in_ms = {name for name, spec in core_actions().items() if (p := spec.parameters.get("duration")) and p.unit == "ms"}
-    assert ACTIONS_IN_MS == in_ms
+    assert in_ms == ACTIONS_IN_MS
     assert parameters_text("Glow", {"duration": 7}) == "duration=7"

@@ -121,7 +121,8 @@ def test_the_say_line_offers_words(study: Scenario) -> None:
 
 def test_a_transcript_is_what_was_heard() -> None:
     assert parameters_text("Speech", {"message": SENT}) == f'"{HEARD}"'
-    assert parameters_text("Speech", {"message": "a < b"}) == '"a < b"' and parameters_text("Speech", {"message": 5}) == "5"
+    assert parameters_text("Speech", {"message": "a < b"}) == '"a < b"'
+    assert parameters_text("Speech", {"message": 5}) == "5"
 
 
 def test_breaks_count_where_they_are_made(study: Scenario) -> None:
