@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 
 from rise_engine.base.files import Disk, error_message
 from rise_engine.session.lock import JournalLock
@@ -59,7 +59,8 @@ class Journal:
         self._disk = disk or Disk()
         self._retry = retry
         self._size = size
-        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._queue: Queue[bytes | None] = Queue()
+        """Not a SimpleQueue: its `get` waits forever if the thread gets no processor until its timeout is over."""
         self._last_progress = 0.0
         """When lines last became durable, or when a new line found no other waiting (monotonic clock)."""
         self._last_seen_in_place = 0.0
