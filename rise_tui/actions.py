@@ -104,6 +104,7 @@ _asked = _blocks("change", lambda store: store.view.questions, "the study is not
 _savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
 _queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing is running or waiting")
+_running = _blocks("change", lambda store: store.view.running, "no act is running")
 _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer than two tasks wait")
 _acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act is running or waiting")
 _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
@@ -177,6 +178,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
            "Stops the robot, all acts and all rules at once, without asking. Nothing starts until it is released.",
            "STOP", _stoppable),
+    ConsoleAction("stop-running", "Stop what runs now", ("backspace",), "console",
+           "Stops the act that began last, or what is being said; the next press stops the one before it. Rules and "
+           "waiting acts go on.", "stop", _running),
     ConsoleAction("quit", "Leave", ("ctrl+c",), "everywhere",
            "Asks first: detach, and the session goes on without this console; or end it, and the robot stops. "
            "When the engine has gone: start it again and continue the session."),
@@ -204,7 +208,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("safe", "LIVE or SAFE", ("ctrl+x",), "console",
            "SAFE: look around without starting anything from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
-    ConsoleAction("lock", "Lock the keys", ("ctrl+n",), "everywhere",
+    ConsoleAction("lock", "Lock the keys", ("f7", "ctrl+underscore"), "everywhere",
            "LOCKED: every key is ignored except stopping, leaving and this one. Again: SAFE.",
            "lock", _own_console),
     ConsoleAction("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
@@ -216,7 +220,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("note", "Add a note", ("ctrl+o",), "console",
            "A remark for the record, with the time and your name. Those who only watch can add notes too.",
            "note", _remark),
-    ConsoleAction("palette", "Command palette", ("colon", "ctrl+p"), "console",
+    ConsoleAction("palette", "Command palette", ("colon",), "console",
            "Find any command, act or rule by name.", "command"),
     ConsoleAction("help", "Help and keys", ("question_mark",), "console",
            "Every key, and what it does. Type to search.", "help"),
@@ -255,18 +259,20 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
     ConsoleAction("redraw", "Redraw the screen", (), "console",
            "For when another program has written over the console."),
-    ConsoleAction("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _start),
-    ConsoleAction("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
+    ConsoleAction("acts.start", "Start the act", ("enter",), "acts",
+           "Shows what the selected act would say or do; enter again starts it.", "start", _start),
+    ConsoleAction("acts.stop", "Stop the act", ("delete",), "acts",
            "Stops the selected act, running or waiting.", "stop", _acts),
-    ConsoleAction("rules.start", "Start the rule", ("enter",), "rules", "Starts the selected rule.", "start", _start),
-    ConsoleAction("rules.stop", "Stop the rule", ("delete", "backspace"), "rules",
+    ConsoleAction("rules.start", "Start the rule", ("enter",), "rules",
+           "Shows what the selected rule would do first; enter again starts it.", "start", _start),
+    ConsoleAction("rules.stop", "Stop the rule", ("delete",), "rules",
            "Stops the selected rule; acts that it started go on.", "stop", _rules),
     ConsoleAction("memory.edit", "Change the value", ("enter",), "memory",
            "Edits the selected value in its place. The type is detected while you type: JSON has its own type, "
            "anything else is a string; \"5\" in quotes is a string too.", "edit", _memory),
     ConsoleAction("memory.add", "Add a key", ("insert",), "memory",
            "Adds a key; right after a deletion it offers what was deleted.", "add", _change),
-    ConsoleAction("memory.delete", "Delete the key", ("delete", "backspace"), "memory",
+    ConsoleAction("memory.delete", "Delete the key", ("delete",), "memory",
            "Deletes the selected key, or the selected part of a value; undo brings it back.", "delete", _memory),
     ConsoleAction("memory.undo", "Undo the last change", ("ctrl+u",), "memory",
            "Takes back the last change of the memory by this console, then the one before it. When somebody else has "
@@ -283,7 +289,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("rule.back", "One step back", ("left",), "rule",
            "Asks whether the rule shown should go back to its previous state, and which memory changes since then to "
            "take back.", "step back", _steppable),
-    ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
+    ConsoleAction("scheduler.cancel", "Cancel the task", ("delete",), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",
            "Moves the selected waiting task one place towards the front.", "earlier", _waiting),
@@ -410,6 +416,15 @@ ACTIONS: tuple[ConsoleAction, ...] = (
 )  # fmt: skip
 
 BY_ID = {action.id: action for action in ACTIONS}
+AT_ONCE = frozenset(
+    (
+        *("stop", "stop-running", "cue", "undo-cue", "filler", "mistake", "repeat", "go-on", "stop-rule"),
+        *("cancel-open", "take-over", "pause", "acts.start", "acts.stop", "rules.start", "rules.stop"),
+        *("memory.delete", "memory.undo", "rule.raise"),
+        *("scheduler.cancel", "scheduler.earlier", "scheduler.later", "scheduler.front"),
+    )
+)
+"""Actions that change the session or the robot without a further question."""
 EDITOR_ACTIONS = ("palette", "help", "filter", "theme", "redraw")
 """Actions of the console that also work in the editor."""
 STUDY_SCREEN_ACTIONS = (*EDITOR_ACTIONS, "edit-study")

@@ -44,7 +44,7 @@ def key_label(key: str) -> str:
     if key in KEY_LABELS:
         return KEY_LABELS[key]
     if key.startswith("ctrl+"):
-        return f"^{key[5:].upper()}"
+        return f"^{KEY_LABELS.get(key[5:], key[5:]).upper()}"
     return key.upper() if key.startswith("f") and key[1:].isdigit() else key
 
 

@@ -37,6 +37,9 @@ class ConsoleHost(ActionHost, Protocol):
     def send(self, function: str, behavior: str = "") -> None:
         """Send a task to the engine immediately, without waiting."""
 
+    def ignore_keys(self) -> None:
+        """Let no key start anything for a moment, after a question has closed by itself."""
+
     def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""
 

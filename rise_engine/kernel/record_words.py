@@ -126,7 +126,9 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
         case ActionRecord():
             kind = record.type if record.sent_as is None else f"{record.type} as {record.sent_as}"
             ended = f"{record.status.replace('-', ' ')}{_duration_note(took)}"
-            return RecordWords(kind, parameters_text(record.type, record.parameters), _add(ended, record.reason))
+            return RecordWords(
+                kind, parameters_text(record.parameters, in_ms=record.type in ACTIONS_IN_MS), _add(ended, record.reason)
+            )
         case RuleRecord():
             return _rule_words(record)
         case EventRecord():
@@ -186,8 +188,11 @@ def _task_text(record: TaskRecord, took: float | None, sources: bool) -> str:
     return f"{_add(f'{state}{_duration_note(took)}', reason)} (asked for by {record.source})"
 
 
-def parameters_text(action: str, parameters: dict[str, Any]) -> str:
-    """An action's parameters in short: a text or name alone, a point as coordinates, the others by name."""
+def parameters_text(parameters: dict[str, Any], *, in_ms: bool) -> str:
+    """An action's parameters in short: a text or name alone, a point as coordinates, the others by name.
+
+    `in_ms`: whether its `duration` is in milliseconds.
+    """
     rest = dict(parameters)
     parts = []
     if "message" in rest:
@@ -197,7 +202,7 @@ def parameters_text(action: str, parameters: dict[str, Any]) -> str:
         parts.append(str(rest.pop("value")))
     if all(axis in rest for axis in ("pointx", "pointy", "pointz")):
         parts.append("(" + ", ".join(f"{rest.pop(axis)}" for axis in ("pointx", "pointy", "pointz")) + ")")
-    if "duration" in rest and action in ACTIONS_IN_MS:
+    if "duration" in rest and in_ms:
         parts.append(f"{rest.pop('duration')} ms")
     parts.extend(f"{name}={_json(value)}" for name, value in rest.items())
     return " ".join(parts)

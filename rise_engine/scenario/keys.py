@@ -60,7 +60,8 @@ CONSOLE_KEYS: dict[str, str] = {
     "ctrl+k": "going on without a failed act",
     "ctrl+j": "the console",
     "ctrl+d": "jumping to a pane",
-    "ctrl+n": "locking the keyboard",
+    "f7": "locking the keyboard",
+    "ctrl+underscore": "locking the keyboard",
     "ctrl+t": "the say line",
     "ctrl+u": "undoing",
     "ctrl+x": "making the keys safe",
@@ -71,7 +72,6 @@ CONSOLE_KEYS: dict[str, str] = {
     "ctrl+r": "the console",
     "ctrl+w": "stopping what the robot still does",
     "ctrl+y": "the console",
-    "ctrl+p": "the command palette",
     "ctrl+c": "copying",
     "ctrl+q": "quitting",
     "question_mark": "help",
@@ -83,12 +83,13 @@ CONSOLE_KEYS: dict[str, str] = {
     "space": "the participant's cue",
     "underscore": "taking back the cue",
     "escape": "leaving",
-    **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown"), "moving"),
-    **dict.fromkeys(("delete", "insert", "backspace"), "editing"),
+    "backspace": "stopping what runs now",
+    **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown", "ctrl+n", "ctrl+p"), "moving"),
+    **dict.fromkeys(("delete", "insert"), "editing"),
 }
 """The keys that belong to the console, and their purpose."""
 
-FREE_FUNCTION_KEYS = ("f5", "f6", "f7", "f12")
+FREE_FUNCTION_KEYS = ("f5", "f6", "f12")
 _ALIASES = {
     "esc": "escape",
     "return": "enter",

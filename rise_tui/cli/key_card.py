@@ -144,7 +144,9 @@ def _act_marks(scenario: Scenario, act: str) -> tuple[str, ...]:
 
 def printed_key(key: str) -> str:
     """A key as printed on the keyboard: `F9`, `ctrl+g`, `?`, `shift+up`."""
-    return key if key.startswith(("ctrl+", "shift+")) or (key.isalpha() and key not in _MARKS) else key_label(key)
+    if key.startswith("ctrl+"):
+        return f"ctrl+{key_label(key[5:])}"
+    return key if key.startswith("shift+") or (key.isalpha() and key not in _MARKS) else key_label(key)
 
 
 def text_lines(title: str, card: tuple[KeyCardSection, ...]) -> Iterator[str]:

@@ -6,10 +6,12 @@ import asyncio
 import signal
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from types import FrameType
 from typing import Any, Literal
 
 from textual import events, on
+from textual.await_complete import AwaitComplete
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import NOT_WRITTEN, STILL_RUNNING
@@ -23,6 +25,7 @@ from rise_tui.config.key_file import KeyFile, how_to_fix
 from rise_tui.config.launch import Launcher, StudySource, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.console import overlays, questions
+from rise_tui.console.input import EARLY_ENTER, EnterGuard
 from rise_tui.console.layout import SAVE_SECONDS, UiState, save_all
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
@@ -78,6 +81,7 @@ class ConsoleApp(RiseApp):
         self._ui_state = ui_state or UiState(Preferences(), fresh=True, keeps_changes=False)
         self._session: ConsoleSession | None = None
         self._is_leaving = False
+        self._enter_guard = EnterGuard()
         self._keys_together = False
         """Whether the last key came in one piece with others."""
         self._signal: signal.Signals | None = None
@@ -299,7 +303,27 @@ class ConsoleApp(RiseApp):
         if (console := self.console_screen) is not None:
             console.observe_key(event, together)
 
+    def push_screen(self, *args: Any, **options: Any) -> Any:
+        """Open a screen. Enter waits until the wizard can have seen it."""
+        self._note_change()
+        return super().push_screen(*args, **options)
+
+    def pop_screen(self) -> AwaitComplete:
+        """Close a screen. The same holds for the one below it."""
+        self._note_change()
+        return super().pop_screen()
+
+    @on(ConsoleScreen.LineOpened)
+    def _note_change(self) -> None:
+        self._enter_guard.note_change(monotonic())
+
     def admits(self, event: events.Event) -> bool:
+        if (
+            isinstance(event, events.Key)
+            and not self._enter_guard.admits(event.key, event.time)
+            and self._refuses_enter()
+        ):
+            return False
         if (console := self.console_screen) is not None:
             return console.admits(event) and (not is_editing(self) or super().admits(event))
         if is_editing(self):
@@ -308,6 +332,16 @@ class ConsoleApp(RiseApp):
         if not isinstance(event, events.Key) or takes_text(self.focused):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
+
+    def _refuses_enter(self) -> bool:
+        """Say why an Enter came too soon. False: in the editor, where nothing starts."""
+        if is_editing(self):
+            return False
+        if (console := self.console_screen) is not None:
+            console.show_notice(EARLY_ENTER)
+        elif (study := self.study_screen) is not None:
+            study.say(EARLY_ENTER)
+        return True
 
     def handle_key_first(self, event: events.Key) -> bool:
         return (console := self.console_screen) is not None and console.handle_key_first(event)

@@ -36,7 +36,7 @@ from rise_tui.widgets.fields import MistakeLine, NoteLine
 from rise_tui.widgets.speech_input import SpeechField, SpeechInput
 
 COMMON_ACTIONS = (
-    *("stop", "say", "cue", "filler", "mistake", "palette", "help", "safe"),
+    *("stop", "stop-running", "say", "cue", "filler", "mistake", "palette", "help", "safe"),
     *("filter", "note", "lists", "next-pane", "zoom", "jump", "lock", "control"),
 )
 """Actions that the hint line shows for every pane."""

@@ -38,13 +38,39 @@ PASTE_QUIET_SECONDS = 0.3
 """Seconds without input after a paste before keys count again."""
 STALL_SECONDS = 3.0
 """If the console did no work for this many seconds, waiting keys no longer count."""
-ARMED_SECONDS = 2.0
-"""Seconds that a `hold` act stays armed after its first press."""
+ARMED_SECONDS = 4.0
+"""Seconds that a start stays armed after its first press: long enough to read what it would say."""
+CHANGE_SECONDS = 0.7
+"""Seconds after something has opened or closed by which a wizard can have seen it."""
 
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
 PASTED_KEYS = "several keys at once (a paste, or a stalled link): nothing was started"
+EARLY_ENTER = "enter came before you could see what has opened or closed; press it again"
 PASTED_ENTER = "the keys came too fast to be typed: nothing was said; press enter again"
+
+
+class EnterGuard:
+    """Refuses an Enter soon after something has opened or closed (console.md 2.7). It was meant for what was before.
+
+    Any other key in between shows that the wizard has seen the change. An Enter that is held down stays refused.
+    """
+
+    def __init__(self) -> None:
+        self._changed_at = self._refused_at = float("-inf")
+
+    def note_change(self, at: float) -> None:
+        """Note that a screen or a line has opened or closed."""
+        self._changed_at = at
+
+    def admits(self, key: str, at: float) -> bool:
+        """Whether a key may pass. Called for each key, before it has any effect."""
+        if key != "enter":
+            self._changed_at = self._refused_at = float("-inf")
+        elif at - self._changed_at < CHANGE_SECONDS or at - self._refused_at < HELD_KEY_SECONDS:
+            self._refused_at = at
+            return False
+        return True
 
 
 class RunningTimer(Protocol):
@@ -66,8 +92,8 @@ class InputActions(Protocol):
     def show_notice(self, text: str, level: Level = "info") -> None:
         """Show the wizard a notice of this level."""
 
-    def show_armed(self, act: str) -> None:
-        """Show that the first of an act's two presses was seen; empty: no longer."""
+    def show_armed(self, action: KeyAction | None) -> None:
+        """Show that the first of two presses was seen, and what the second would do; None: no longer."""
 
     def show_mode(self) -> None:
         """Show whether keys start things."""
@@ -86,7 +112,8 @@ class InputController:
       recognises them, because they came in one read. The pieces of a paste in several reads are faster than fingers.
     - Keys that were pressed while the console stood still do not count either.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
-    - A `hold` act needs a second press, or Enter. A held key that repeats is not a second press.
+    - A `hold` act needs a second press, or Enter. Enter on a row needs a second Enter. A held key that repeats is not a
+      second press.
     """
 
     def __init__(
@@ -111,7 +138,7 @@ class InputController:
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
         """The second press of an act that needs two. It counts unless it is a held key."""
         self._armed: KeyAction | None = None
-        """The `hold` act whose first press was seen."""
+        """The start whose first press was seen."""
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
         """The speech that is being sent, as in its field."""
@@ -130,6 +157,8 @@ class InputController:
         """
         self._key_at = at
         self._check_standstill()
+        if key != "enter":
+            self._drop_choice()
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
         if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may be close
             if at >= self._paste_until and not typing:
@@ -152,9 +181,14 @@ class InputController:
             self.disarm()
             self._actions.show_notice(f"the console stood still for {stopped:.0f} s: keys of that time start nothing")
 
+    def ignore_keys(self) -> None:
+        """Let no key start anything for a moment: a question has closed by itself, and its letters are keys of acts."""
+        self._paste_until = max(self._paste_until, self._clock() + CHANGE_SECONDS)
+
     def observe_mouse(self) -> None:
         """Note a press of the mouse: the present work has no key."""
         self._key_at = None
+        self._drop_choice()
 
     def admits_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
         """Whether a key may reach the widget with the focus. All keys pass here, with or without a dialog.
@@ -176,14 +210,17 @@ class InputController:
             self._actions.show_notice(f"LOCKED: {key_name('lock')} unlocks")
         return False
 
-    def handle_key(self, key: str, at: float, *, selected_act: str) -> bool:
-        """Handle a key that no field has taken: one of the scenario, Enter for an armed act, or Esc. False: none of
-        these.
+    @property
+    def is_armed(self) -> bool:
+        """Whether Enter would start something now."""
+        return self._armed is not None
 
-        `selected_act`: the act under the cursor, while the list of acts has the focus.
+    def handle_key(self, key: str, at: float) -> bool:
+        """Handle a key that no field has taken: one of the scenario, Enter for an armed start, or Esc. False: none of
+        these.
         """
         if key == "enter" and self._armed is not None:
-            if selected_act == self._armed.behavior:
+            if self._armed.by_enter:  # a held Enter repeats
                 self.press(self._armed, at)
             else:
                 self.confirm_armed()
@@ -274,7 +311,7 @@ class InputController:
         self._pressed[same] = at
         if at < self._paste_until:
             return False
-        if self._armed is not None and (self._armed.function, self._armed.behavior) == same:
+        if self._armed is not None and same_start(self._armed, action):
             # A held key repeats: wait long enough to see whether another press of it follows.
             self._drop_pending()
             if at - last >= HELD_KEY_SECONDS:
@@ -300,8 +337,14 @@ class InputController:
             self._disarm_timer.stop()
             self._disarm_timer = None
         if was is not None:
-            self._actions.show_armed("")
+            self._actions.show_armed(None)
         return was is not None
+
+    def _drop_choice(self) -> None:
+        """Disarm what Enter has chosen: another key or the mouse shows that the wizard goes on."""
+        if self._armed is not None and self._armed.by_enter:
+            self._pressed.pop((self._armed.function, self._armed.behavior), None)  # a key for it counts at once
+            self.disarm()
 
     def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:
@@ -323,11 +366,11 @@ class InputController:
 
     def _accept_press(self, action: KeyAction, at: float) -> None:
         """Accept a press: arm an act that needs two, or carry it out."""
-        armed = self._armed is not None and self._armed.behavior == action.behavior
+        armed = self._armed is not None and same_start(self._armed, action)
         self.disarm()
         if action.hold and not armed:
             self._armed = action
-            self._actions.show_armed(action.behavior)
+            self._actions.show_armed(action)
             self._disarm_timer = self._set_timer(ARMED_SECONDS, self._disarm_later)
         else:
             self._carry_out(action, at)
@@ -369,6 +412,11 @@ class InputController:
     def _session_time(self, at: float | None) -> float | None:
         """The session time of something that happened at `at`."""
         return None if at is None else max(0.0, self._store.now() - max(0.0, self._clock() - at))
+
+
+def same_start(one: KeyAction, other: KeyAction) -> bool:
+    """Whether both request the same, in any way."""
+    return (one.function, one.behavior) == (other.function, other.behavior)
 
 
 def line_opener(key: str) -> str:

@@ -269,4 +269,5 @@ class Confirmations:
     def _withdraw(self, kind: str, lines: str) -> None:
         for screen in self._console.app.screen_stack:
             if isinstance(screen, Dialog) and screen.has_class(kind) and screen.withdraw():
+                self._console.ignore_keys()
                 self._console.show_notice(lines)

@@ -13,6 +13,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input
 
+from rise_engine.author.drawing.study_keys import ACT
 from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
@@ -23,14 +24,15 @@ from rise_tui.console.questions import Confirmations
 from rise_tui.console.session import ConsoleSession
 from rise_tui.key_labels import why_unavailable
 from rise_tui.model.control import MARK_CUE, NEXT_FILLER, UNDO_CUE, KeyAction
-from rise_tui.model.notice import Level, Notice
+from rise_tui.model.notice import Level, Notice, act_label
+from rise_tui.model.resumption import armed_text
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import is_editing, takes_text
 from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.tour import TourScreen, is_tour_due, show_when_too_small
-from rise_tui.widgets.fields import MistakeLine, NoteLine, is_mark_key
+from rise_tui.widgets.fields import MistakeLine, NoteLine
 from rise_tui.widgets.lines import StaticLines
 from rise_tui.widgets.speech_input import SpeechInput
 
@@ -47,6 +49,9 @@ class ConsoleScreen(Screen[None]):
 
     class OpenSettings(Message):
         """The wizard requests the settings. The app can start sessions."""
+
+    class LineOpened(Message):
+        """A line that takes Enter has opened."""
 
     def __init__(self, session: ConsoleSession) -> None:
         super().__init__()
@@ -133,11 +138,11 @@ class ConsoleScreen(Screen[None]):
         """
         if self.app.screen is not self or isinstance(self.focused, Input):
             return False
-        if self.bars.mistake_line.is_open and is_mark_key(event.key):
+        if self.bars.mistake_line.takes(event.key):
             return False
         if opener := line_opener(event.key):
             self.action_do(opener)
-        elif event.key in self.store.scenario.keys:
+        elif event.key in self.store.scenario.keys or (event.key == "enter" and self.input.is_armed):
             self.on_key(event)
         else:
             return False
@@ -148,15 +153,9 @@ class ConsoleScreen(Screen[None]):
         if isinstance(self.focused, Input):
             return
         self.bars.mistake_line.close()
-        if self.input.handle_key(event.key, event.time, selected_act=self._selected_act):
+        if self.input.handle_key(event.key, event.time):
             event.stop()
             event.prevent_default()
-
-    @property
-    def _selected_act(self) -> str:
-        """The act under the cursor, while the list of acts has the focus."""
-        pane = self.pane_layout.focused_pane()
-        return pane.row_view.current_id if pane is not None and pane.SCOPE == "acts" else ""
 
     # --- effects of keys: InputActions ------------------------------------------------------------------------------
 
@@ -171,13 +170,13 @@ class ConsoleScreen(Screen[None]):
         if not await self.session.submit(action.function, action.behavior, action.calling_type, pressed):
             self.bars.speech_input.restore(typed)
 
-    def show_armed(self, act: str) -> None:
-        self.store.armed_act = act
-        if act:
-            self.show_notice(f"{act}: press Enter or the same key again within 2 s to start it", "wait")
+    def show_armed(self, action: KeyAction | None) -> None:
+        self.store.armed = action
+        if action is not None:
+            self.show_notice(armed_text(self.store, action), "wait")
         else:
             self.bars.clear_notice()
-        self.bars.schedule({"acts"})
+        self.bars.schedule({"acts", "rules"})
 
     def show_mode(self) -> None:
         self.bars.schedule({"acts", "rules", "status", "tasks"})
@@ -203,6 +202,10 @@ class ConsoleScreen(Screen[None]):
     def send(self, function: str, behavior: str = "") -> None:
         """Send a task to the engine, without waiting."""
         self.input.send(function, behavior)
+
+    def ignore_keys(self) -> None:
+        """Let no key start anything for a moment, after a question has closed by itself."""
+        self.input.ignore_keys()
 
     def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""
@@ -250,6 +253,7 @@ class ConsoleScreen(Screen[None]):
         """The methods that carry out the actions of no pane."""
         return {
             "stop": self.stop_all,
+            "stop-running": self._stop_running,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
             "palette": self._open_palette,
             "help": lambda: self.app.push_screen(HelpScreen(help_entries(self.store, self._focused_scope))),
@@ -269,8 +273,8 @@ class ConsoleScreen(Screen[None]):
             "cancel-open": lambda: self.send("cancelOpenGoals"),
             "control": self.confirmations.ask_about_control,
             "pause": lambda: self._run_beside(self.session.toggle_pause()),
-            "note": lambda: self.bars.open_note(self._kept_note),
-            "say": self.bars.speech_input.open,
+            "note": self._open_note,
+            "say": self._open_speech,
             "cue": lambda: self.start(MARK_CUE),
             "undo-cue": lambda: self.start(UNDO_CUE),
             "filler": lambda: self.start(NEXT_FILLER),
@@ -287,6 +291,16 @@ class ConsoleScreen(Screen[None]):
         self.input.disarm()
         self.send("stopAll")
         self.confirmations.close_release_question()
+
+    def _stop_running(self) -> None:
+        """Stop the act that began last, which the hint names."""
+        *others, newest = self.store.running_tasks
+        if newest.function == ACT:
+            self.send("stopCommunicationRobotAct", newest.behavior)
+        else:
+            self.send("cancelTask", str(newest.id))
+        goes_on = f"; {act_label(others[-1].function, others[-1].behavior)} goes on" if others else ""
+        self.show_notice(f"stops {act_label(newest.function, newest.behavior)}{goes_on}")
 
     def switch_lock(self) -> None:
         """Lock the keyboard, or unlock it."""
@@ -337,6 +351,14 @@ class ConsoleScreen(Screen[None]):
                 return hints
             case _:
                 return Region(hints.x + hints.width // 3, hints.y, 2 * hints.width // 3, hints.height)
+
+    def _open_note(self) -> None:
+        self.bars.open_note(self._kept_note)
+        self.post_message(self.LineOpened())
+
+    def _open_speech(self) -> None:
+        self.bars.speech_input.open()
+        self.post_message(self.LineOpened())
 
     def _open_filter(self) -> None:
         pane = self.pane_layout.focused_pane()

@@ -33,6 +33,8 @@ class KeyAction(Struct, frozen=True):
     """Seconds in which a second press counts as the same press."""
     hold: bool = False
     """Whether it needs a second press, or Enter (console.md 2.4)."""
+    by_enter: bool = False
+    """Whether Enter chose it in a list. Then it needs a second Enter, and any other key drops it."""
     calling_type: str = ""
 
 
@@ -44,7 +46,14 @@ NEXT_FILLER = KeyAction("nextFiller", "")
 def start_action(scenario: Scenario, function: str, behavior: str, calling_type: str = "") -> KeyAction:
     """A start with the scenario's settings. Only an act can need two presses."""
     settings = scenario.settings_of(behavior)
-    return KeyAction(function, behavior, settings.debounce, function == ACT and settings.hold, calling_type)
+    return KeyAction(
+        function, behavior, settings.debounce, function == ACT and settings.hold, calling_type=calling_type
+    )
+
+
+def enter_action(scenario: Scenario, function: str, behavior: str) -> KeyAction:
+    """The same for Enter on a row, which only arms it: a row is not a decision, as a key of the study is."""
+    return replace(start_action(scenario, function, behavior), hold=True, by_enter=True)
 
 
 def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:

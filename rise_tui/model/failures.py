@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import ceil
+from string import ascii_letters, digits
 from typing import Any, NamedTuple
 
 from rise_engine.author.drawing.act_graph import actions_in_order
@@ -208,13 +209,18 @@ class MistakeMark(NamedTuple):
     word: str
 
 
-MISTAKE_MARKS = (
-    MistakeMark("w", "wrong", "wrong"),
-    MistakeMark("l", "late", "late"),
-    MistakeMark("e", "early", "early"),
-    MistakeMark("d", "double", "double"),
-    MistakeMark("u", "none", "undo"),
-)
+_MARK_WORDS = {"wrong": "wrong", "late": "late", "early": "early", "double": "double", "none": "undo"}
+
+
+def mistake_marks(scenario: Scenario) -> tuple[MistakeMark, ...]:
+    """The answers to a mark, each with a letter of its word or a digit that is no key of the study."""
+    free = {*ascii_letters, *digits} - scenario.keys.keys()
+    marks = []
+    for mark, word in _MARK_WORDS.items():
+        key = next((letter for letter in (*word, *word.upper(), *digits) if letter in free), "")
+        free -= {key}
+        marks.append(MistakeMark(key, mark, word))
+    return tuple(marks)
 
 
 def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | None:

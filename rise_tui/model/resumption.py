@@ -10,9 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rise_engine.author.drawing.rule_text import functions_in, wait_text
+from rise_engine.author.drawing.study_keys import ACT, RULE
 from rise_engine.kernel.behaviors import Resumption, describe_behavior
-from rise_engine.scenario.model import Function, Rule, Scenario, State, normal_topic
+from rise_engine.scenario.model import Action, Function, Rule, Scenario, State, normal_topic
+from rise_tui.model.control import KeyAction
 from rise_tui.model.failures import fill_known
+from rise_tui.model.notice import task_label
 from rise_tui.model.speech import message_of
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import cell_width, clean, format_value, shorten
@@ -55,10 +58,44 @@ def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, 
 
 
 def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
-    """All texts of an act, with the memory's present values, from the first of its variants."""
+    """All texts of an act, with the memory's present values."""
     act = scenario.acts.get(name)
-    messages = [message_of(scenario, action.calls[0]) for action in act.actions] if act is not None else []
-    return " ".join(f"“{fill_known(message, memory)}”" for message in messages if message is not None)
+    texts = (_action_words(scenario, action, memory) for action in act.actions) if act is not None else ()
+    return " ".join(filter(None, texts))
+
+
+def _action_words(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
+    """An action's text, and the number of its other wordings, of which chance picks one: `“Great!” or 3 others`."""
+    message = message_of(scenario, action.calls[0])
+    if message is None:
+        return ""
+    others = len(action.calls) - 1
+    return f"“{fill_known(message, memory)}”" + (f" or {others} other{'s' * (others > 1)}" if others else "")
+
+
+def act_summary(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
+    """An act by its first text, or else its first action, and the number of its other actions: `“Very good!” +3`."""
+    actions = scenario.acts[name].actions
+    texts = (_action_words(scenario, action, memory) for action in actions)
+    first = next(filter(None, texts), actions[0].calls[0].type if actions else "nothing")
+    return first if len(actions) < 2 else f"{first} +{len(actions) - 1}"
+
+
+def start_summary(store: Store, action: KeyAction) -> str:
+    """What this start does first: the robot's words, or the rule's first words."""
+    scenario, name = store.scenario, describe_behavior(action.function, action.behavior)
+    if action.function == ACT and name in scenario.acts:
+        return act_summary(scenario, name, store.memory)
+    if action.function == RULE and name in scenario.rules:
+        rule = scenario.rules[name]
+        return f"{name} {entry_summary(scenario, rule, rule.initial, store.memory)}"
+    return task_label(action.function, name)
+
+
+def armed_text(store: Store, action: KeyAction) -> str:
+    """The sentence about a start that needs one more press."""
+    again = "enter again" if action.by_enter else f"{action.behavior}: the same key again, or enter"
+    return f"{again}: {start_summary(store, action)}"
 
 
 OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")

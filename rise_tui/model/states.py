@@ -7,6 +7,7 @@ from typing import NamedTuple
 from rich.cells import cell_len
 
 from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
+from rise_engine.author.drawing.study_keys import ACT, RULE
 from rise_engine.kernel.records import ENDINGS
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act
@@ -89,9 +90,14 @@ RULE_STATES = {
 }
 
 
+def is_armed(store: Store, function: str, name: str) -> bool:
+    """Whether one more press starts this act or rule."""
+    return store.armed is not None and (store.armed.function, store.armed.behavior) == (function, name)
+
+
 def act_state(store: Store, name: str) -> StateLabel:
     act = store.act(name)
-    if store.armed_act == name:
+    if is_armed(store, ACT, name):
         return ARMED
     if act.running:
         return RUNNING
@@ -103,6 +109,8 @@ def act_state(store: Store, name: str) -> StateLabel:
 
 
 def rule_state(store: Store, name: str) -> StateLabel:
+    if is_armed(store, RULE, name):
+        return ARMED
     if store.is_sent(("startInteractionRule", "stopInteractionRule"), name):
         return SENT
     return RULE_STATES.get(store.rule(name).status, READY)

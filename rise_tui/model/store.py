@@ -150,8 +150,8 @@ class Store:
     reclaims_control: bool = False
     """Whether it had control when the connection was cut, and no other client has it now, except perhaps its own cut
     connection."""
-    armed_act: str = ""
-    """The act whose first of two presses was seen."""
+    armed: control.KeyAction | None = None
+    """The start whose first of two presses was seen."""
     newest_speech: int = 0
     """The id of the latest task of free speech."""
     shown_act: str = ""

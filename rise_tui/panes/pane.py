@@ -19,6 +19,8 @@ from rise_tui.requests import ConsoleHost
 from rise_tui.widgets.fields import PromptBar
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
+ROW_KEYS = frozenset({"enter", "delete"})
+"""Keys for the row under the cursor."""
 PaneTab = tuple[str, str]
 """A pane's id and its title."""
 
@@ -146,9 +148,11 @@ class Pane(Vertical):
         """Carry out one of the pane's actions from the registry, if it has any."""
 
     def action_do(self, action: str) -> None:
-        """Like `carry_out`, but ending or deleting waits until the wizard can have seen the affected row."""
+        """Like `carry_out`, but only once the wizard can have seen the affected row."""
         if self.row_view.was_just_displaced and "delete" in BY_ID[action].keys:
             self.host.show_notice("the list has just changed; press again")
+        elif ROW_KEYS.intersection(BY_ID[action].keys) and self.row_view.bring_into_view():
+            self.host.show_notice("the row was out of view; press again")
         else:
             self.carry_out(action)
 
@@ -194,6 +198,7 @@ class Pane(Vertical):
 
     def open_filter(self) -> None:
         self.open_bar(self.filter_bar, self.filter_text)
+        self.filter_bar.field.select_all()
 
     def open_bar(self, bar: PromptBar, text: str = "") -> None:
         """Open a bar at the bottom of the pane, beginning with `text`."""

@@ -222,7 +222,7 @@ class RulePane(ListPane):
         elif by_engine := engine_raises_text(self.store.scenario, event):
             self.host.show_notice(by_engine)
         else:
-            self.host.start(KeyAction("raiseEventTopic", event))
+            self.host.start(KeyAction("raiseEventTopic", event, hold=True, by_enter=True))
 
     def _ask_to_start(self) -> None:
         """Ask whether to start the rule in the state under the cursor."""

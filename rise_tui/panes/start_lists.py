@@ -10,8 +10,9 @@ from textual import on
 
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
-from rise_tui.model.control import start_action
+from rise_tui.model.control import enter_action
 from rise_tui.model.notice import act_label
+from rise_tui.model.resumption import armed_text
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
@@ -21,6 +22,7 @@ from rise_tui.model.states import (
     StateLabel,
     act_progress,
     act_state,
+    is_armed,
     newest_task,
     rule_state,
 )
@@ -87,6 +89,13 @@ class StartListPane(ListPane):
         role: TextRole = "muted" if self.why_blocked(name) else "key"
         return (f" {fit(binding.label if binding else '', self.key_width)}", role)
 
+    def armed_line(self, name: str) -> StyledLine:
+        """The row of a start that needs one more press: what it would do, in place of its name and state."""
+        armed = self.store.armed
+        if armed is None or not is_armed(self.store, self.FUNCTION, name):
+            return ()
+        return (self.key_cell(name), (f"{ARMED.glyph} {armed_text(self.store, armed)}", ARMED.role))
+
     @on(RowView.CursorMoved)
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
         event.stop()
@@ -100,7 +109,7 @@ class StartListPane(ListPane):
         if not name:
             self.host.show_notice(f"no {self.SCOPE.removesuffix('s')} is selected")
         elif action in ("acts.start", "rules.start"):
-            self.host.start(start_action(self.store.scenario, self.FUNCTION, name))
+            self.host.start(enter_action(self.store.scenario, self.FUNCTION, name))
         else:
             self.stop(name)
 
@@ -140,7 +149,8 @@ class ActsPane(StartListPane):
         name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
         expected = self._shown_expected = self.expected_names()
         return [
-            ListRow(name, self._act_line(name, name_width, wide, name in expected)) for name in self.store.scenario.acts
+            ListRow(name, self.armed_line(name) or self._act_line(name, name_width, wide, name in expected))
+            for name in self.store.scenario.acts
         ]
 
     def _act_line(self, name: str, name_width: int, wide: bool, is_expected: bool) -> StyledLine:
@@ -228,7 +238,7 @@ class RulesPane(StartListPane):
                 (f"{state.glyph} ", state.role),
                 (fit(state.word, lead) + text, state.role),
             )
-            rows.append(ListRow(name, spans))
+            rows.append(ListRow(name, self.armed_line(name) or spans))
         return rows
 
     def stop(self, name: str) -> None:

@@ -21,6 +21,9 @@ from rise_tui.rendering.terminal_driver import TerminalDriver, TerminalWriter, r
 CATCH_UP_SECONDS = 0.05
 """Seconds between two checks whether a slow terminal accepts more."""
 
+MOVES = {"ctrl+n": "down", "ctrl+p": "up"}
+"""Keys that are another key on every screen, as in a shell."""
+
 
 class TerminalApp(App[Any]):
     """An app on a terminal that may be far away, slow, or gone."""
@@ -96,6 +99,7 @@ class TerminalApp(App[Any]):
         """Handle an event. Input comes once from the driver, and again as it bubbles up; only the first counts."""
         if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
             if isinstance(event, events.Key):
+                event.key = MOVES.get(event.key, event.key)
                 self.observe_key(event, read_together(event))
                 if self.waits_for_keys(event):
                     self.key_queue.put(event)

@@ -18,6 +18,7 @@ from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui.actions import (
     ACTIONS,
+    AT_ONCE,
     BY_ID,
     EDITOR_ACTIONS,
     KEY_SCOPES,
@@ -29,6 +30,7 @@ from rise_tui.actions import (
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.resumption import start_summary
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
 from rise_tui.rendering.text import (
@@ -42,6 +44,7 @@ from rise_tui.rendering.text import (
     line_width,
 )
 from rise_tui.screens.dialog import SingleDismissModal, TitledBox
+from rise_tui.widgets.bars import running_name
 from rise_tui.widgets.fields import TextField
 from rise_tui.widgets.lines import CURSOR_BACKGROUND, RowList, RowView
 
@@ -137,20 +140,28 @@ class PaletteCommand(NamedTuple):
     run: Callable[[], None]
     theme: str = ""
     """The theme to show while the cursor is on the line."""
+    acts: bool = False
+    """Whether it changes the session or the robot without a further question."""
 
 
 def palette_commands(
     store: Store, scope: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
 ) -> Iterator[PaletteCommand]:
-    """The focused pane's actions, the inputs that rules wait for, all other actions, acts, rules."""
+    """The stop of what runs, the focused pane's actions, the inputs that rules wait for, other actions, acts, rules."""
     titles = dict(KEY_SCOPES)
+    running = BY_ID["stop-running"]
     own = [action for action in ACTIONS if action.scope == scope]
-    rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id != "palette"]
+    first = ("palette", *([running.id] if store.view.running else []))
+    rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id not in first]
 
     def of_action(action: ConsoleAction, kind: str) -> PaletteCommand:
         why, key = why_unavailable(action, store), first_key_label(action)
-        return PaletteCommand(action.title, kind, key, action.help, why, partial(run, action.id))
+        return PaletteCommand(
+            action.title, kind, key, action.help, why, partial(run, action.id), acts=action.id in AT_ONCE
+        )
 
+    if store.view.running:
+        yield of_action(running, "")._replace(title=f"Stop {running_name(store)}")
     yield from (of_action(action, "here") for action in own)
     yield from _expected_events(store, start)
     for action in rest:
@@ -174,7 +185,7 @@ def _expected_events(store: Store, start: Callable[[KeyAction], None]) -> Iterat
         action = KeyAction("raiseEventTopic", topic)
         key = store.key_of(action.function, topic)
         help = f"raise this event{_author_title(key)}: a running rule waits for it"
-        yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action))
+        yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action), acts=True)
 
 
 def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
@@ -186,25 +197,23 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
     ):
         for name in names:
             action, key = start_action(scenario, function, name), store.key_of(function, name)
-            help = f"start this {kind}{_author_title(key)}" + (
-                "; a running rule waits for it" if name in expected else ""
-            )
-            yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action))
+            waited = "; a running rule waits for it" if name in expected else ""
+            help = f"{start_summary(store, action)}{_author_title(key)}{waited}"
+            yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action), acts=True)
     for key in scenario.keys.values():
         action = action_of_key(scenario, key)
         if key.function == EVENT and normal_topic(key.behavior) not in expected_inputs.events:
             help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
             yield PaletteCommand(
-                key_title(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action)
+                key_title(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action), acts=True
             )
         elif key.function == SET:
             why = why_task_blocked(store, key.function)
-            yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action))
+            yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action), acts=True)
         elif key.function == RULE and key.task_behavior != key.behavior:
             help = f"start this rule: {describe_behavior(key.function, key.task_behavior)}"
-            yield PaletteCommand(
-                key_title(key), "rule", key.label, help, why_blocked(store, "start"), partial(start, action)
-            )
+            blocked = why_blocked(store, "start")
+            yield PaletteCommand(key_title(key), "rule", key.label, help, blocked, partial(start, action), acts=True)
 
 
 def _author_title(key: KeyBinding | None) -> str:
@@ -246,6 +255,7 @@ def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[P
 
 
 TITLE_WIDTH = 30
+CHOOSE_KEYS = "↑↓ choose · enter runs it · esc closes"
 KEY_WIDTH = 7
 """Cells. The longest keys are `space` and `bksp`."""
 
@@ -259,7 +269,7 @@ class Palette(SearchDialog[PaletteCommand]):
     """
 
     def __init__(self, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-        super().__init__("Command", "↑↓ choose · enter runs it · esc closes", placeholder)
+        super().__init__("Command", CHOOSE_KEYS, placeholder)
         self._commands = commands
         self._hits: list[PaletteHit] = []
         self._theme_before = ""
@@ -273,7 +283,9 @@ class Palette(SearchDialog[PaletteCommand]):
         width = self.list.row_width
         rows = [ListRow(f"{at}", _hit_line(hit, width)) for at, hit in enumerate(self._hits)]
         self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
-        self.list.move_cursor(0 if rows else -1, by_wizard=False)
+        # Nothing that acts is chosen before the wizard has seen it: the first Enter chooses, the second carries out.
+        self.list.move_cursor(0 if rows and not self._hits[0].command.acts else -1, by_wizard=False)
+        self._show_keys(CHOOSE_KEYS)
         self.list.scroll_to(y=0, animate=False)
         self._preview()
 
@@ -299,9 +311,15 @@ class Palette(SearchDialog[PaletteCommand]):
 
     def _choose(self) -> None:
         chosen = self.current
+        if chosen is None and self._hits:
+            self.list.move_cursor(0, by_wizard=False)
+            self._show_keys(f"enter again: {self._hits[0].command.title}")
         if chosen is not None:
             self._theme_before = chosen.theme or self._theme_before
             self.dismiss(chosen)
+
+    def _show_keys(self, keys: str) -> None:
+        self.query_one(TitledBox).border_subtitle = f" {keys} "
 
     def on_unmount(self) -> None:
         if self._theme_before and self.app.theme != self._theme_before:

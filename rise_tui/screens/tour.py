@@ -173,8 +173,9 @@ STEPS = (
     TourStep(
         "acts",
         "What you start",
-        "Acts and rules, each with its key and its state in words. Press the key, or choose the row and press Enter. "
-        "{safe} changes between LIVE and SAFE: in SAFE nothing starts while you look around. {lock} locks the keys.",
+        "Acts and rules, each with its key and its state in words. Press the key, or choose the row and press Enter "
+        "twice. {safe} changes between LIVE and SAFE: in SAFE nothing starts while you look around. {lock} locks the "
+        "keys.",
     ),
     TourStep(
         "stop",

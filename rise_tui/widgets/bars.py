@@ -17,12 +17,12 @@ from rise_tui.model.alarms import alarm_lines, broken_recorders_text, current_al
 from rise_tui.model.control import action_of_key, control_lost_text
 from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.key_strip import KeyStripPiece, key_strip_height, key_strip_lines
-from rise_tui.model.notice import Level, Notice, short_name
+from rise_tui.model.notice import Level, Notice, act_label, short_name
 from rise_tui.model.speech import SpeechEffect
 from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, plain_text, wrap
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, fit, line_width, plain_text, shorten, wrap
 from rise_tui.requests import ActionHost, ConsoleHost
 from rise_tui.widgets.lines import StaticLines, StoreLines
 
@@ -30,6 +30,8 @@ NARROW = 100
 NOTICE_LINES = 3
 GONE_ACTIONS = ("quit", "filter", "next-pane", "help")
 """The remaining actions when nothing runs any more."""
+RUNNING = 20
+"""Cells for the name of what the stop key for one act would stop."""
 FILLER = 18
 """Cells for the name of the next filler among the hints."""
 
@@ -191,6 +193,8 @@ def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
         if width < NARROW:  # `Hm` for `R_Filler_Hm`
             filler = filler.rpartition("_")[2] or filler
         return fit(filler, min(len(filler), FILLER))
+    if action.id == "stop-running":
+        return f"stops {shorten(running_name(store), RUNNING)}" if store.view.running else ""
     if action.id == "safe":
         return "live" if store.input_mode == "SAFE" else "safe"
     if action.id == "lock":
@@ -198,6 +202,12 @@ def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
     if action.id == "quit":
         return "leave" if store.input_mode == "LOCKED" or store.gone_reason else ""
     return action.hint
+
+
+def running_name(store: Store) -> str:
+    """The act that began last and still runs, or the words that are being said; empty: nothing runs."""
+    tasks = store.running_tasks
+    return act_label(tasks[-1].function, tasks[-1].behavior) if tasks else ""
 
 
 def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:

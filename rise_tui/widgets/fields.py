@@ -17,7 +17,7 @@ from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Button, Input
 
-from rise_tui.model.failures import MISTAKE_MARKS, markable_name
+from rise_tui.model.failures import markable_name, mistake_marks
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fit, line_width, shorten
 from rise_tui.requests import ConsoleHost
@@ -150,6 +150,7 @@ class NoteLine(TextField):
         if not self.is_open:
             self._back = self.screen.focused
             self.value = text
+            self.select_all()
             self.add_class("-open")
         self.screen.set_focus(self)
 
@@ -275,11 +276,6 @@ OPEN_SECONDS = 4.0
 """Seconds that the line waits for a letter."""
 
 
-def is_mark_key(key: str) -> bool:
-    """Whether the open line takes this key."""
-    return key == "escape" or any(choice.key == key for choice in MISTAKE_MARKS)
-
-
 class MistakeLine(StoreLines, can_focus=True):
     """Replaces the notice. A foreign key closes it and has its usual effect."""
 
@@ -297,6 +293,7 @@ class MistakeLine(StoreLines, can_focus=True):
 
     def __init__(self, store: Store) -> None:
         super().__init__(store, id="mistake")
+        self._marks = mistake_marks(store.scenario)
         self.marked = 0
         """The task in question."""
         self._back: Widget | None = None
@@ -305,6 +302,10 @@ class MistakeLine(StoreLines, can_focus=True):
     @property
     def is_open(self) -> bool:
         return self.has_class("-open")
+
+    def takes(self, key: str) -> bool:
+        """Whether the open line takes this key."""
+        return self.is_open and (key == "escape" or any(choice.key == key for choice in self._marks))
 
     def open(self, task: int) -> None:
         """Ask about this task, which is being marked as wrong."""
@@ -336,7 +337,7 @@ class MistakeLine(StoreLines, can_focus=True):
         what = f"↑ sent: {task.mark or 'wrong'}" if sent else f"! marked {task.mark}" if task.mark else "· not marked"
         choices: list[StyledSpan] = []
         gap = "  " if width >= WIDE else " "
-        for choice in MISTAKE_MARKS:
+        for choice in self._marks:
             choices += [(f"{gap}{choice.key}", "key"), (f" {choice.word}", "plain")]
         choices += [(f"{gap}esc", "key"), (" ", "plain")]
         head: StyledLine = ((f" {what} ", "wait"),)
@@ -346,7 +347,7 @@ class MistakeLine(StoreLines, can_focus=True):
 
     def on_key(self, event: events.Key) -> None:
         """Handle the line's own letters before anything else can."""
-        choice = next((choice for choice in MISTAKE_MARKS if choice.key == event.key), None)
+        choice = next((choice for choice in self._marks if choice.key == event.key), None)
         if choice is None and event.key != "escape":
             return
         event.stop()

@@ -236,11 +236,15 @@ class RowView(ScrollView, StyledLines, can_focus=True):
             if by_wizard:
                 self.displaced_at = float("-inf")
                 self.post_message(self.CursorMoved(self))
+        self.bring_into_view()
+
+    def bring_into_view(self) -> bool:
+        """Scroll to the cursor's row. False: it is in view, or there is none."""
         top, height = self.scroll_offset.y, self.size.height
-        if height and 0 <= index < top:
-            self.scroll_to(y=index, animate=False)
-        elif height and index >= top + height:
-            self.scroll_to(y=index - height + 1, animate=False)
+        if not height or self.cursor < 0 or top <= self.cursor < top + height:
+            return False
+        self.scroll_to(y=self.cursor if self.cursor < top else self.cursor - height + 1, animate=False)
+        return True
 
     def _find_selectable(self, index: int, direction: int) -> int | None:
         """The first row from `index` on that the cursor may be on."""

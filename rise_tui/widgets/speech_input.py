@@ -148,6 +148,7 @@ class SpeechInput(Vertical):
     def open(self) -> None:
         if not self.is_open:
             self._back = self.screen.focused
+            self.field.select_all()  # what is typed now replaces the words that were kept
             self.add_class("-open")
         self.screen.set_focus(self.field)
         self.draw()
@@ -196,7 +197,7 @@ class SpeechInput(Vertical):
                 state, f" {format_seconds(store.now() - (task.started or 0.0))} s" if running else "", task.behavior
             )
         if self.field.value.strip():
-            return ((self.field.value, "plain"), (f"   not said; {key_name('say')} continues it", "muted"))
+            return ((self.field.value, "plain"), (f"   not said; {key_name('say')} shows it again", "muted"))
         why_not = why_unavailable(BY_ID["say"], store)
         return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
 

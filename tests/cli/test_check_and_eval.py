@@ -340,11 +340,13 @@ def test_times_and_parameters_in_short() -> None:
         "00:00.0", "00:03.2", "00:59.9", "01:00.0", "1:00:00.0", "1:01:01.5",
     ]  # fmt: skip
     assert clock_text(1e300) == clock_text(float("inf"))
-    assert parameters_text("Speech", {"message": "Hi", "rate": 0.8}) == '"Hi" rate=0.8'
-    assert parameters_text("LookAt", {"pointx": 1, "pointy": 0, "pointz": 2.5, "duration": 100}) == "(1, 0, 2.5) 100 ms"
+    assert parameters_text({"message": "Hi", "rate": 0.8}, in_ms=True) == '"Hi" rate=0.8'
+    assert (
+        parameters_text({"pointx": 1, "pointy": 0, "pointz": 2.5, "duration": 100}, in_ms=True) == "(1, 0, 2.5) 100 ms"
+    )
 
 
 def test_a_duration_is_in_ms_only_for_actions_that_declare_it_so() -> None:
     in_ms = {name for name, spec in core_actions().items() if (p := spec.parameters.get("duration")) and p.unit == "ms"}
     assert in_ms == ACTIONS_IN_MS
-    assert parameters_text("Glow", {"duration": 7}) == "duration=7"
+    assert parameters_text({"duration": 7}, in_ms=False) == "duration=7"

@@ -13,6 +13,7 @@ from textual.widgets import Input
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.bars import ConsoleBars
+from rise_tui.console.input import CHANGE_SECONDS
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.panes.pane import Pane
 from rise_tui.widgets.lines import RowList
@@ -98,8 +99,10 @@ class Console:
         await self.pilot.pause()
 
     async def press(self, *keys: str) -> None:
-        """Like a person: a moment between two keys."""
+        """Like a person: a moment between two keys, and Enter only after a look at what has opened."""
         for key in keys:
+            if key == "enter":
+                await self.pilot.pause(CHANGE_SECONDS)
             await self.pilot.press(key)
             await self.pilot.pause(0.06)
 

@@ -10,6 +10,7 @@ from textual.pilot import Pilot
 from textual.screen import Screen
 
 from rise_tui.console.app import ConsoleApp
+from rise_tui.console.input import CHANGE_SECONDS
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.screens.checks import ChecksScreen
@@ -55,6 +56,8 @@ class Day:
     async def press(self, *keys: str) -> None:
         """Like a person who reads: longer between two keys than a held key takes to repeat."""
         for key in keys:
+            if key == "enter":  # after a look at what has opened
+                await self.pilot.pause(CHANGE_SECONDS)
             await self.pilot.press(key)
             await self.pilot.pause(0.8)
 

@@ -23,6 +23,7 @@ from typing import Any
 
 import pyte
 
+from rise_tui.console.input import CHANGE_SECONDS
 from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
@@ -201,8 +202,9 @@ class Terminal:
         return text in SEQUENCE.sub(b"", self.shown).decode(errors="replace") or text in self.text
 
     def press(self, keys: bytes) -> None:
-        """As a person does, who is never quicker than a finger."""
-        sleep(FINGERS)
+        """As a person does, who is never quicker than a finger, and looks at what has opened before an Enter."""
+        looks = keys == b"\r" and "  EDIT" not in self.lines[0]  # in the editor no Enter starts anything
+        sleep(CHANGE_SECONDS + FINGERS if looks else FINGERS)
         self.shown = b""
         os.write(self.master, keys)
 

@@ -281,7 +281,7 @@ async def test_a_question_shows_its_three_answers() -> None:
             for answer, function, status in (
                 (("ctrl+e",), "repeatAct", "repeated"),
                 (("ctrl+k",), "goOn", "gone-on"),
-                ((":", *"failed act's", "enter"), "stopRuleOfAct", "dropped"),
+                ((":", *"failed act's", "enter", "enter"), "stopRuleOfAct", "dropped"),
             ):
                 it.client.sent.clear()
                 id = it.client.task(ACT, "Greet", "ABORTED", reason="no voice", source="rule:Main")

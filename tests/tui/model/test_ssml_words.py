@@ -120,9 +120,9 @@ def test_the_say_line_offers_words(study: Scenario) -> None:
 
 
 def test_a_transcript_is_what_was_heard() -> None:
-    assert parameters_text("Speech", {"message": SENT}) == f'"{HEARD}"'
-    assert parameters_text("Speech", {"message": "a < b"}) == '"a < b"'
-    assert parameters_text("Speech", {"message": 5}) == "5"
+    assert parameters_text({"message": SENT}, in_ms=True) == f'"{HEARD}"'
+    assert parameters_text({"message": "a < b"}, in_ms=True) == '"a < b"'
+    assert parameters_text({"message": 5}, in_ms=True) == "5"
 
 
 def test_breaks_count_where_they_are_made(study: Scenario) -> None:

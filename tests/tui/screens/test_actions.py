@@ -146,11 +146,11 @@ def test_whatever_shows_a_key_shows_the_users_own() -> None:
     stop = BY_ID["stop"]
     assert (key_text("stop"), keys_of(stop)) == ("F9", ("f9", "ctrl+g"))
     assert key_text("theme") == ": Choose a theme"
-    use_own_keys({"stop": ("f12",), "theme": ("f6",), "control": ("f7",)})
+    use_own_keys({"stop": ("f12",), "theme": ("f6",), "control": ("f5",)})
     try:
         assert (key_text("stop"), first_key_label(stop), keys_of(stop)) == ("F12", "F12", ("f12",))
         assert key_text("theme") == "F6"
-        assert blocked_text(BlockedReason("control", holder="ben"), key_name) == "ben has control (F7)"
+        assert blocked_text(BlockedReason("control", holder="ben"), key_name) == "ben has control (F5)"
         assert "stop everything (F12)" in control_question("wizard:ben", None, "wizard:anna", key_name)[0][0]
     finally:
         use_own_keys({})

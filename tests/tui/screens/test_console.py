@@ -38,6 +38,9 @@ async def test_acts_and_rules_are_started_followed_and_stopped() -> None:
         client = it.client
         client.answers = False
         await it.press("enter")
+        await it.until(lambda: "enter again: “Hello" in it.row("acts", "enter again"))
+        assert client.asked() == [] and "enter again: “Hello" in it.notice
+        await it.press("enter")
         await it.sent(*GREET)
         await it.until(lambda: "↑ sent" in it.row("acts", "Greet"))
         task = client.act("Greet", ref=client.sent[0].ref)
@@ -55,10 +58,10 @@ async def test_acts_and_rules_are_started_followed_and_stopped() -> None:
         await it.until(lambda: "waiting" in it.row("acts", "Praise"))
         await it.press("delete")
         await it.sent("stopCommunicationRobotAct", "Greet")
-        await it.press("down", "backspace")
+        await it.press("down", "delete")
         await it.sent("cancelTask", str(waiting))
         client.answer()
-        await it.press("f2", "enter")
+        await it.press("f2", "enter", "enter")
         await it.sent("startInteractionRule", "Main")
         waits(it)
         await it.until(lambda: "running waiting" in " ".join(it.row("rules", "Main").split()))
@@ -101,6 +104,9 @@ async def test_the_rule_pane_says_why_it_waits_and_raises_the_event_under_the_cu
         it.client.emit(MemoryRecord(0, 0.0, "", "understood", True, False, "wizard:anna"))
         await it.until(lambda: "true" in it.row("rule", "task is 4"))
         await it.focus("rule")
+        await it.press("enter")
+        await it.until(lambda: "enter again: event next" in it.notice)
+        assert it.client.asked() == []
         await it.press("enter")
         await it.sent("raiseEventTopic", "next")
 

@@ -9,7 +9,14 @@ import pytest
 
 from rise_engine.base.suspend import suspended_seconds
 from rise_engine.kernel.records import ControlRecord, KeptRecord
-from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, InputController
+from rise_tui.console.input import (
+    ARMED_SECONDS,
+    CHANGE_SECONDS,
+    PASTE_QUIET_SECONDS,
+    PASTED_KEYS,
+    EnterGuard,
+    InputController,
+)
 from rise_tui.model.control import MARK_CUE, InputMode, KeyAction
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store
@@ -61,8 +68,8 @@ class Keyboard:
     def show_notice(self, text: str, level: Level = "info") -> None:
         self.told.append(text)
 
-    def show_armed(self, act: str) -> None:
-        self.armed.append(act)
+    def show_armed(self, action: KeyAction | None) -> None:
+        self.armed.append(action.behavior if action is not None else "")
 
     def show_mode(self) -> None:
         self.modes += 1
@@ -94,15 +101,23 @@ class Keyboard:
         if action is not None:
             self.input.press(action, self.now)
 
-    def handle(self, key: str, selected_act: str = "") -> bool:
+    def handle(self, key: str) -> bool:
         """A key that comes alone and that no field takes."""
         self.input.observe_key(key, self.now, together=False)
-        return self.input.handle_key(key, self.now, selected_act=selected_act)
+        return self.input.handle_key(key, self.now)
+
+    def enter(self, action: KeyAction) -> None:
+        """Enter on a row: what is armed gets it first, as on the console."""
+        self.input.observe_key("enter", self.now)
+        if not (self.input.is_armed and self.input.handle_key("enter", self.now)):
+            self.input.start(action, self.now)
 
 
 A = KeyAction("startCommunicationRobotAct", "A")
 B = KeyAction("startCommunicationRobotAct", "B")
 HOLD = KeyAction("startCommunicationRobotAct", "H", hold=True)
+ROW = KeyAction("startCommunicationRobotAct", "A", hold=True, by_enter=True)
+"""Enter on the row of A."""
 
 
 def test_one_press_fires_once_and_soon() -> None:
@@ -205,7 +220,7 @@ def test_a_hold_act_fires_at_the_second_press_within_two_seconds() -> None:
 def test_the_first_press_of_a_hold_act_lapses() -> None:
     keys = Keyboard()
     keys.press("h", HOLD)
-    keys.wait(3.0)
+    keys.wait(ARMED_SECONDS + 1.0)
     assert keys.armed == ["H", ""]
     keys.press("h", HOLD)
     keys.wait(0.5)
@@ -224,7 +239,7 @@ def test_another_act_disarms() -> None:
 def test_the_press_right_after_a_lapsed_hold_arms_anew_only() -> None:
     keys = Keyboard()
     keys.press("h", HOLD)
-    keys.wait(2.2)
+    keys.wait(ARMED_SECONDS + 0.2)
     keys.press("h", HOLD)
     keys.wait(1.0)
     assert keys.fired == [] and keys.armed[-1] == "H"
@@ -345,14 +360,84 @@ def test_the_mouse_has_no_time_of_a_press() -> None:
 
 
 def test_enter_starts_the_armed_act_wherever_the_cursor_is() -> None:
-    for selected in ("Goodbye", "Greet", ""):
-        keys = Keyboard()
-        keys.handle("b")
-        assert keys.armed == ["Goodbye"] and keys.fired == []
-        keys.wait(1.0)
-        assert keys.handle("enter", selected)
-        keys.wait(0.5)
-        assert keys.fired == ["Goodbye"]
+    keys = Keyboard()
+    keys.handle("b")
+    assert keys.armed == ["Goodbye"] and keys.fired == []
+    keys.wait(1.0)
+    keys.enter(ROW)
+    keys.wait(0.5)
+    assert keys.fired == ["Goodbye"]
+
+
+def test_enter_on_a_row_starts_it_only_the_second_time() -> None:
+    keys = Keyboard()
+    keys.enter(ROW)
+    keys.wait(1.0)
+    assert keys.armed == ["A"] and keys.fired == []
+    keys.enter(ROW)
+    keys.wait(0.5)
+    assert keys.fired == ["A"]
+
+
+def test_an_enter_that_is_held_never_starts_its_row() -> None:
+    keys = Keyboard()
+    keys.enter(ROW)
+    keys.wait(0.5)
+    for _ in range(90):
+        keys.enter(ROW)
+        keys.wait(0.033)
+    keys.wait(10)
+    assert keys.fired == []
+
+
+@pytest.mark.parametrize("between", ["down", "tab", "x", "mouse", "wait"])
+def test_what_enter_has_chosen_is_dropped_when_the_wizard_goes_on(between: str) -> None:
+    keys = Keyboard()
+    keys.enter(ROW)
+    keys.wait(0.5)
+    if between == "mouse":
+        keys.input.observe_mouse()
+    elif between == "wait":
+        keys.wait(ARMED_SECONDS)
+    else:
+        keys.input.observe_key(between, keys.now)
+    assert keys.armed == ["A", ""]
+    keys.wait(0.5)
+    keys.enter(ROW)
+    keys.wait(1)
+    assert keys.fired == [] and keys.armed == ["A", "", "A"]
+
+
+def test_a_key_of_the_study_starts_its_act_once_while_enter_has_chosen_it() -> None:
+    """The key is a decision; the row was none."""
+    keys = Keyboard()
+    keys.enter(ROW)
+    keys.wait(0.2)
+    keys.press("a", A)
+    keys.wait(1)
+    assert keys.fired == ["A"] and not keys.input.is_armed
+
+
+def test_enter_waits_until_what_has_opened_can_have_been_seen() -> None:
+    guard = EnterGuard()
+    assert guard.admits("enter", 0.0)
+    guard.note_change(5.0)
+    assert not guard.admits("enter", 5.0) and not guard.admits("enter", 5.0 + CHANGE_SECONDS - 0.01)
+    assert guard.admits("enter", 5.0 + CHANGE_SECONDS + 0.2)
+    guard.note_change(8.0)
+    assert not any(guard.admits("enter", 8.0 + n / 30) for n in range(60)), "held down"
+    guard.note_change(12.0)
+    assert guard.admits("a", 12.1) and guard.admits("enter", 12.2), "another key shows that it was seen"
+
+
+def test_the_letters_of_a_question_that_has_closed_by_itself_start_nothing() -> None:
+    keys = Keyboard()
+    keys.input.ignore_keys()
+    keys.handle("g")
+    keys.wait(CHANGE_SECONDS + 0.01)
+    assert keys.fired == []
+    keys.handle("g")
+    assert keys.fired == ["Greet"]
 
 
 def test_esc_forgets_the_first_of_two_presses_and_else_leaves_what_is_open() -> None:
@@ -401,7 +486,7 @@ def test_without_control_a_key_says_who_has_it() -> None:
         ("LOCKED", "g", False, False),
         ("LOCKED", "f9", False, True),
         ("LOCKED", "ctrl+c", False, True),
-        ("LOCKED", "ctrl+n", False, True),
+        ("LOCKED", "f7", False, True),
         ("LOCKED", "d", True, True),
     ],
 )
@@ -410,7 +495,7 @@ def test_which_keys_may_go_on(mode: InputMode, key: str, leaving: bool, allowed:
     keys.store.input_mode = mode
     keys.press(key, together=False)
     assert keys.input.admits_key(key, printable=len(key) == 1, typing=False, leaving=leaving) is allowed
-    assert keys.told == ([] if allowed else ["LOCKED: ctrl+n unlocks"])
+    assert keys.told == ([] if allowed else ["LOCKED: F7 unlocks"])
 
 
 def test_pasted_text_goes_on_only_where_somebody_types() -> None:

@@ -26,11 +26,11 @@ def test_what_each_of_the_two_keys_makes_of_it(mode: InputMode, safe: InputMode,
 def test_only_what_is_not_live_has_a_reason() -> None:
     assert blocked_text(None, key_name) == ""
     assert blocked_text(BlockedReason("safe"), key_name) == "SAFE: ctrl+x turns keys on"
-    assert blocked_text(BlockedReason("locked"), key_name) == "LOCKED: ctrl+n unlocks"
+    assert blocked_text(BlockedReason("locked"), key_name) == "LOCKED: F7 unlocks"
 
 
 @pytest.mark.parametrize(
-    ("mode", "key"), [("LIVE", "LIVE: keys start"), ("SAFE", "ctrl+x turns them on"), ("LOCKED", "leave and ctrl+n")]
+    ("mode", "key"), [("LIVE", "LIVE: keys start"), ("SAFE", "ctrl+x turns them on"), ("LOCKED", "leave and F7")]
 )
 def test_a_chosen_mode_is_told_with_the_key_that_leaves_it(mode: InputMode, key: str) -> None:
     assert key in mode_notice(mode, key_name)
@@ -47,7 +47,7 @@ async def test_safe_starts_nothing_says_why_and_leaves_marks_notes_and_stopping(
             await it.until(lambda: "SAFE: ctrl+x turns keys on" in it.notice, key)
             await it.pilot.pause(0.1)
             assert it.client.asked() == []
-            await it.press("ctrl+x", key)
+            await it.press("ctrl+x", *[key] * (1 + (key == "enter")))
             await it.until(lambda: it.client.asked(), key)
             it.client.sent.clear()
         await it.press("ctrl+x", "ctrl+t", *"hello")
@@ -76,12 +76,12 @@ async def test_safe_starts_nothing_says_why_and_leaves_marks_notes_and_stopping(
 @pytest.mark.slow
 async def test_locked_swallows_every_key_and_click_but_three() -> None:
     async with console() as it:
-        await it.press("ctrl+n")
+        await it.press("f7")
         await it.until(lambda: " LOCKED " in it.bars.status_line.text)
-        assert it.bars.key_hints.text.split() == ["F9/^G", "STOP", "^C", "leave", "^N", "unlock"]
+        assert it.bars.key_hints.text.split() == ["F9/^G", "STOP", "^C", "leave", "F7", "unlock"]
         for key in ("g", "ctrl+x", "colon", "question_mark", "ctrl+t", "tab", "space", "ctrl+o", "f8"):
             await it.press(key)
-            await it.until(lambda: "LOCKED: ctrl+n unlocks" in it.notice)
+            await it.until(lambda: "LOCKED: F7 unlocks" in it.notice)
         await it.pilot.click(it.bars.speech_input)
         await it.pilot.pause(0.1)
         assert it.app.screen is it.screen and it.client.asked() == [] and it.pane("acts").row_view.has_focus
@@ -89,10 +89,10 @@ async def test_locked_swallows_every_key_and_click_but_three() -> None:
         await it.press("f9")
         await it.sent("stopAll", "")
         it.client.stop("requested")
-        await it.press("ctrl+n")
+        await it.press("f7")
         # Both: SAFE still holds when the stop is released.
         await it.until(lambda: " STOPPED  SAFE " in it.bars.status_line.text)
-        await it.press("ctrl+n", "ctrl+c")
+        await it.press("f7", "ctrl+c")
         await it.shows(Dialog)
         await it.press("escape")
         await it.back()
@@ -109,28 +109,28 @@ async def test_locking_closes_what_is_open_unanswered_and_forgets_what_was_begun
         await it.press("f2", "down")
         await it.until(lambda: "Again cannot be started: it is already running" in it.notice)
         await it.press("f2", "b")
-        await it.until(lambda: "again?" in it.row("acts", "Goodbye"))
-        await it.press("ctrl+x", "ctrl+x", "enter")
+        await it.until(lambda: "Goodbye: the same key again, or enter: " in it.text("acts"))
+        await it.press("ctrl+x", "ctrl+x", "enter", "enter")
         await it.sent("startCommunicationRobotAct", "Greet")  # the selected row, and not the armed act
         assert ("startCommunicationRobotAct", "Goodbye") not in it.client.asked()
-        await it.press("ctrl+t", "a", "ctrl+n")
+        await it.press("ctrl+t", "a", "f7")
         await it.until(lambda: " LOCKED " in it.bars.status_line.text)
         it.app.post_message(events.Paste("text"))
         await it.press("b")
         assert isinstance(it.screen.focused, SpeechField)
-        await it.press("ctrl+n", "c")
+        await it.press("f7", "c")
         await it.until(lambda: it.bars.speech_input.field.value == "ac", "nothing can be typed or pasted while locked")
         await it.press("escape", "question_mark")
         await it.shows(HelpScreen)
-        await it.press("ctrl+n")
+        await it.press("f7")
         await it.back()
         await it.until(lambda: " LOCKED " in it.bars.status_line.text)
-        await it.press("ctrl+n", "f9")
+        await it.press("f7", "f9")
         it.client.stop("latched")
         await it.until(lambda: it.screen.session.store.view.stop.latched)
         await it.press("ctrl+r")
         await it.shows(Dialog)
-        await it.press("ctrl+n")
+        await it.press("f7")
         await it.back()
         await it.press("r")
         await it.pilot.pause(0.1)

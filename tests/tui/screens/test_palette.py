@@ -8,6 +8,7 @@ from rise_tui.actions import ACTIONS
 from rise_tui.model.control import KeyAction
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
+from rise_tui.screens.dialog import TitledBox
 from rise_tui.screens.palette import Palette, PaletteCommand, palette_commands, search_commands, theme_commands
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
@@ -114,7 +115,7 @@ def test_a_hold_act_stays_one_and_keeps_its_debounce() -> None:
 async def opened(it: Console, typed: str = "", key: str = "colon") -> Palette:
     await it.press(key)
     screen = await it.shows(Palette)
-    await it.until(lambda: screen.current is not None)
+    await it.until(lambda: screen.list.text)
     await it.press(*typed)
     return screen
 
@@ -127,19 +128,21 @@ async def closed(it: Console) -> None:
 @pytest.mark.slow
 async def test_enter_does_what_the_cursor_is_on_or_says_why_not() -> None:
     async with console(size=(80, 24)) as it:
-        for size, key in (((80, 24), "colon"), ((120, 40), "ctrl+p"), ((200, 50), "colon")):
+        for size, key in (((80, 24), "colon"), ((120, 40), "colon"), ((200, 50), "colon")):
             await it.pilot.resize_terminal(*size)
             await it.pilot.pause(0.6)
             screen = await opened(it, "praise", key)
             assert screen.list.region.right <= size[0] and screen.list.region.bottom <= size[1]
+            await it.press("enter")
             await it.until(lambda screen=screen: screen.current is not None and screen.current.title == "Praise")  # type: ignore[misc]
+            assert it.client.asked() == [] and "enter again: Praise" in str(screen.query_one(TitledBox).border_subtitle)
             await it.press("enter")
             await it.sent("startCommunicationRobotAct", "Praise")
             await it.back()
             it.client.sent.clear()
         screen = await opened(it)
         await it.press("down", "down", "up", "pagedown", "pageup", "down")
-        assert screen.list.cursor == 2
+        assert screen.list.cursor == 1
         await it.press("z", "o")  # a letter brings it back to the first
         assert screen.list.cursor == 0 and screen.current is not None and screen.current.title == "Zoom"
         await closed(it)
@@ -155,7 +158,7 @@ async def test_enter_does_what_the_cursor_is_on_or_says_why_not() -> None:
         await it.until(lambda: it.screen.session.store.key_state == "STOPPED")
         screen = await opened(it, "praise")
         assert "not now: STOPPED" in screen.list.text
-        await it.press("enter")
+        await it.press("enter", "enter")
         await it.until(lambda: "Praise: not now, STOPPED" in it.notice)
         assert it.client.sent == []
         screen = await opened(it, "leave")

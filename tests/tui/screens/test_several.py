@@ -9,6 +9,7 @@ from textual.widgets import Button, Input
 
 from rise_engine.kernel.records import NoteRecord, SessionRecord
 from rise_tui.actions import ACTIONS
+from rise_tui.console.input import CHANGE_SECONDS
 from rise_tui.key_labels import why_unavailable
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
@@ -85,6 +86,7 @@ async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() 
         await opened(it)
         it.client.control_record("taken", "wizard:carol", "wizard:carol")
         await it.back()  # the question is closed when control changes
+        await it.pilot.pause(CHANGE_SECONDS)
         assert it.client.verbs == []
         await it.until(lambda: "carol has control" in it.bars.status_line.text)
         it.client.control_record("taken", ANNA, ANNA)

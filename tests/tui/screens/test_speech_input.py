@@ -184,11 +184,13 @@ async def test_it_is_sent_until_the_engine_answers_and_then_what_the_robot_does(
         client.reject = "the robot cannot speak"
         await it.press("ctrl+t", *"Hi", "enter")
         await it.until(lambda: "say Hi was rejected: the robot cannot speak" in it.notice)
-        await it.until(lambda: "Hi   not said; ctrl+t continues it" in shown(it))
+        await it.until(lambda: "Hi   not said; ctrl+t shows it again" in shown(it))
         await it.press("ctrl+t")
         assert it.bars.speech_input.field.value == "Hi", "what was rejected is still there"
-        await it.press("escape", "f2", "ctrl+t", *" Ada", "escape")
-        await it.until(lambda: "Hi Ada   not said" in shown(it), "it goes on behind what was typed")
+        await it.press("escape", "f2", "ctrl+t", "end", *" Ada", "escape")
+        await it.until(lambda: "Hi Ada   not said" in shown(it))
+        await it.press("ctrl+t", *"Bye", "escape")
+        await it.until(lambda: "Bye   not said" in shown(it), "what is typed replaces what was kept")
         assert it.pane("rules").row_view.has_focus, "where the focus was before"
 
 
@@ -259,7 +261,7 @@ async def test_a_busy_console_starts_nothing_that_was_meant_for_a_line() -> None
                 await it.press("escape")
         it.client.sent.clear()
         await it.pilot.pause(5)
-        await press_at_once(it, "exclamation_mark", "u")
+        await press_at_once(it, "exclamation_mark", "l")
         assert {function for function, _ in it.client.asked()} == {"markMistake"}
         it.client.sent.clear()
         await it.pilot.pause(5)

@@ -24,6 +24,8 @@ STOPS = {
     "ctrl+g in kitty": b"\x1b[103;5u",
     "ctrl+g as xterm may send it": b"\x1b[27;5;103~",
 }
+LOCKS = b"\x1f"
+"""What terminals send for ctrl+_, which locks the console, and for ctrl+/."""
 CONFUSED = {
     "ctrl+h is backspace": b"\x08",
     "backspace": b"\x7f",
@@ -33,7 +35,7 @@ CONFUSED = {
     "alt+enter": b"\x1b\r",
     "ctrl+shift+g in kitty": b"\x1b[103;6u",
     "ctrl+space": b"\x00",
-    "ctrl+/": b"\x1f",
+    "ctrl+/": LOCKS,
 }
 GARBAGE = {
     "no UTF-8": b"\xff\xfe\xc3\x28\xa0",
@@ -102,6 +104,11 @@ def test_what_terminals_confuse_starts_nothing(keys: bytes, both: Both) -> None:
     it.still()
     stop(it, engine)
     assert [function for function, _ in engine.fake.asked() if function != "stopAll"] == []
+    if keys == LOCKS:
+        it.press(keys)
+        it.until_screen("SAFE")
+        it.press(b"\x18")
+        it.until_screen("LIVE")
 
 
 def test_a_key_alone_starts_its_act_once(rested: Both) -> None:

@@ -232,7 +232,9 @@ class SimulatedAction:
 
 def describe_action(spec: ActionSpec, parameters: dict[str, Any]) -> str:
     """`Speech "Hello!"`"""
-    return f"{spec.name} {parameters_text(spec.name, parameters)}".rstrip()
+    duration = spec.parameters.get("duration")
+    in_ms = duration is not None and duration.unit != "s"
+    return f"{spec.name} {parameters_text(parameters, in_ms=in_ms)}".rstrip()
 
 
 class _RunningGoal:
