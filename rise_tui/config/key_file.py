@@ -25,6 +25,7 @@ from rise_engine.scenario.model import KeyBinding, SourceLocation
 from rise_tui.actions import ACTIONS, BY_ID, STUDY_SCREEN_ACTIONS, ConsoleAction, textual_keys
 from rise_tui.config.preferences import DEFAULT_KEYS
 from rise_tui.key_labels import key_label
+from rise_tui.rendering.terminal_app import MOVES
 
 
 class KeyFile(Struct, frozen=True):
@@ -66,7 +67,7 @@ def how_to_fix(path: Path | None) -> str:
 
 FIXED = {
     "escape": "it leaves whatever is open",
-    **dict.fromkeys(("up", "down", "left", "right", "pageup", "pagedown", "home", "end"), "it moves in lists"),
+    **dict.fromkeys(("up", "down", "left", "right", "pageup", "pagedown", "home", "end", *MOVES), "it moves in lists"),
 }
 """Keys that no other action can have."""
 

@@ -46,7 +46,7 @@ CHANGE_SECONDS = 0.7
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
 PASTED_KEYS = "several keys at once (a paste, or a stalled link): nothing was started"
-EARLY_ENTER = "enter came before you could see what has opened or closed; press it again"
+EARLY_ENTER = "too soon: something has just opened or closed; press enter again"
 PASTED_ENTER = "the keys came too fast to be typed: nothing was said; press enter again"
 
 

@@ -13,12 +13,11 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_engine.author.drawing.study_keys import ACT
 from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
 from rise_tui.console.bars import ConsoleBars
-from rise_tui.console.input import InputController, line_opener
+from rise_tui.console.input import CHANGE_SECONDS, InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.questions import Confirmations
 from rise_tui.console.session import ConsoleSession
@@ -293,14 +292,18 @@ class ConsoleScreen(Screen[None]):
         self.confirmations.close_release_question()
 
     def _stop_running(self) -> None:
-        """Stop the act that began last, which the hint names."""
+        """Stop the act that began last, which the hint names.
+
+        If it began just before the key, and not by this wizard, the key was meant for the one before it.
+        """
         *others, newest = self.store.running_tasks
-        if newest.function == ACT:
-            self.send("stopCommunicationRobotAct", newest.behavior)
-        else:
-            self.send("cancelTask", str(newest.id))
+        name = act_label(newest.function, newest.behavior)
+        if newest.source != self.store.person and self.store.now() - (newest.started or 0.0) < CHANGE_SECONDS:
+            self.show_notice(f"{name} has just begun; press again to stop it")
+            return
+        self.send("cancelTask", str(newest.id))
         goes_on = f"; {act_label(others[-1].function, others[-1].behavior)} goes on" if others else ""
-        self.show_notice(f"stops {act_label(newest.function, newest.behavior)}{goes_on}")
+        self.show_notice(f"stopping {name}{goes_on}")
 
     def switch_lock(self) -> None:
         """Lock the keyboard, or unlock it."""

@@ -161,7 +161,8 @@ def palette_commands(
         )
 
     if store.view.running:
-        yield of_action(running, "")._replace(title=f"Stop {running_name(store)}")
+        stop = KeyAction("cancelTask", str(store.running_tasks[-1].id))  # the one that the row names
+        yield of_action(running, "")._replace(title=f"Stop {running_name(store)}", run=partial(start, stop))
     yield from (of_action(action, "here") for action in own)
     yield from _expected_events(store, start)
     for action in rest:

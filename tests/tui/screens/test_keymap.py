@@ -75,6 +75,7 @@ def test_two_actions_can_change_places(tmp_path: Path) -> None:
         ('cue = "shift+up"', "2:7", "not every terminal delivers it"),
         ('cue = "slsh"', "2:7", "`slsh` is not the name of a key; did you mean `slash`?"),
         ('cue = "up"', "2:7", "it moves in lists"),
+        ('cue = "ctrl+n"', "2:7", "it moves in lists"),
         ('cue = "escape"', "2:7", "it leaves whatever is open"),
         ('stop = "s"', "2:8", "it works while you type too"),
         ('stop = "enter"', "2:8", "it works while you type too"),

@@ -43,7 +43,7 @@ async def test_enter_after_an_overlay_that_closed_just_now_starts_nothing() -> N
         await it.pilot.press("escape", *["enter"] * 6)
         await it.back()
         assert it.client.asked() == [] and it.screen.store.armed is None
-        assert "press it again" in it.notice
+        assert "press enter again" in it.notice
         await it.pilot.pause(CHANGE_SECONDS)
         await it.pilot.press("enter")
         assert it.screen.store.armed is not None and it.client.asked() == []
@@ -51,7 +51,7 @@ async def test_enter_after_an_overlay_that_closed_just_now_starts_nothing() -> N
 
 async def test_the_palette_chooses_nothing_that_acts() -> None:
     async with console() as it:
-        it.client.act("Greet")
+        task = it.client.act("Greet")
         await it.until(lambda: "running" in it.row("acts", "Greet"))
         await it.press("colon")
         palette = await it.shows(Palette)
@@ -60,8 +60,10 @@ async def test_the_palette_chooses_nothing_that_acts() -> None:
         assert palette.current is None, "it has opened just now"
         await it.press("enter")
         assert palette.current is not None and it.client.asked() == []
+        it.client.act("Praise")  # began while the palette was open
+        await it.until(lambda: "running" in it.row("acts", "Praise"))
         await it.press("enter")
-        await it.sent("stopCommunicationRobotAct", "Greet")
+        await it.sent("cancelTask", str(task))
         await it.press("colon", *"note")
         palette = await it.shows(Palette)
         assert palette.current is not None and palette.current.title == "Add a note", "it only opens a line"
@@ -80,13 +82,25 @@ async def test_an_act_is_found_by_its_words() -> None:
 async def test_one_key_stops_what_runs_now_in_every_pane(pane: str) -> None:
     async with console() as it:
         it.client.act("Greet")
-        it.client.act("Praise")
+        praise = it.client.act("Praise")
         await it.until(lambda: "stops Praise" in it.bars.key_hints.text)
         await it.focus(pane)
         await it.press("backspace")
-        await it.sent("stopCommunicationRobotAct", "Praise")
-        assert it.notice.strip() == "· stops Praise; Greet goes on"
-        assert it.client.asked() == [("stopCommunicationRobotAct", "Praise")]
+        await it.sent("cancelTask", str(praise))
+        assert it.notice.strip() == "· stopping Praise; Greet goes on"
+        assert it.client.asked() == [("cancelTask", str(praise))]
+
+
+async def test_an_act_that_has_just_begun_is_not_stopped_in_place_of_the_one_before() -> None:
+    async with console() as it:
+        it.client.act("Greet")
+        task = it.client.act("Praise", source="rule:Main")
+        await it.until(lambda: "stops Praise" in it.bars.key_hints.text)
+        await it.press("backspace")
+        assert "Praise has just begun; press again to stop it" in it.notice and it.client.asked() == []
+        it.client.time += CHANGE_SECONDS
+        await it.press("backspace")
+        await it.sent("cancelTask", str(task))
 
 
 async def test_one_key_stops_what_is_being_said_and_says_when_nothing_is() -> None:
