@@ -133,6 +133,8 @@ def remove_from_lists(run: RuleRun, lists: Iterable[RuleList]) -> None:
 
 STEP_LIMIT = 1_000
 """The number of steps (starts and transitions) of one rule in one macrostep before the runaway rule is searched for."""
+STOPPED_FOR_LOOP = -1
+"""In place of the number of steps: the rule was stopped as a runaway."""
 MAX_VAIN_SEARCHES = 100
 """The number of failed searches in one macrostep before the macrostep counts as endless."""
 

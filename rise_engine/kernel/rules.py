@@ -33,6 +33,7 @@ from rise_engine.kernel.rule_stack import (
     MAX_VAIN_SEARCHES,
     MULTIPLIED,
     STEP_LIMIT,
+    STOPPED_FOR_LOOP,
     RuleRun,
     RuleStack,
     append_to_lists,
@@ -67,6 +68,8 @@ class RuleMachine:
         }
         """All rules of the scenario, compiled."""
         self.on_stopped: Callable[[RuleRun], None] = lambda run: None
+        self.on_loop_ended: Callable[[], object] = lambda: None
+        """Called after a runaway rule was stopped: this may have started acts that waited."""
         """Called with each rule that a task or a fault stops."""
         self._has_tables = bool(core.tables)
         self._frames: list[Frame] = []
@@ -74,8 +77,8 @@ class RuleMachine:
         """Rules whose eventless transitions must be evaluated, with the cause."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """The macrostep and number of the last steps of ended rules: a rule that is started again within it continues
-        to count."""
+        """The macrostep and number of the last steps of ended rules, or STOPPED_FOR_LOOP: a rule that is started again
+        within it continues to count."""
         self.kept = KeptEvents(core)
         self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
@@ -445,7 +448,7 @@ class RuleMachine:
             self._stop_multiplier()
         else:
             reason = runaway.reason(runaway.steps - (runaway.name == run.name))  # its last step was not taken
-            self._end(self.stack[runaway.name], "faulted", "ABORTED", reason)
+            self._stop_for_loop(runaway.name, reason)
         run.step_count = 1
         return run.alive
 
@@ -458,7 +461,17 @@ class RuleMachine:
         if self._vain_searches[1] > MAX_VAIN_SEARCHES:
             name = find_multiplier(core.events, self.stack)
             if name is not None:
-                self._end(self.stack[name], "faulted", "ABORTED", MULTIPLIED)
+                self._stop_for_loop(name, MULTIPLIED)
+
+    def _stop_for_loop(self, name: str, reason: str) -> None:
+        self._end(self.stack[name], "faulted", "ABORTED", reason)
+        self.step_counts[name] = (self._core.macrostep, STOPPED_FOR_LOOP)
+        self.on_loop_ended()
+
+    def was_stopped_for_loop(self, name: str) -> bool:
+        """Whether a rule cannot start again in this macrostep, because it was stopped in it as a runaway. Two rules
+        that restart each other would never end it."""
+        return self.step_counts.get(name) == (self._core.macrostep, STOPPED_FOR_LOOP)
 
     # --- functions ---
 

@@ -17,6 +17,10 @@ from rise_engine.kernel.speech import SAY, act_name, find_act
 from rise_engine.kernel.wizard_marks import WizardMarks
 from rise_engine.scenario.model import ActOutcome
 
+MAX_ACTS = 1_000
+"""The number of acts that wait, run or have failed without an answer, before others are refused (semantics.md 3)."""
+FULL = f"{MAX_ACTS:,} acts are waiting, running or failed without an answer; probably a rule starts acts without end"
+
 
 class Scheduler:
     def __init__(
@@ -38,6 +42,11 @@ class Scheduler:
         """Whether any task of an act is running or waiting."""
         tasks = [*self.waiting, *(run.task for run in self.runner.runs.values())]
         return any(_starts_act(task, act) for task in tasks)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no other act is accepted. Each start goes through all these acts."""
+        return len(self.waiting) + len(self.runner.runs) + len(self._failures.state.asked) >= MAX_ACTS
 
     def add(self, task: Task) -> None:
         self._wizard.note_accepted(task)

@@ -26,7 +26,7 @@ from rise_engine.kernel.inputs import EstopReport, Submit
 from rise_engine.kernel.records import ENGINE, TaskRecord, TaskStatus
 from rise_engine.kernel.rule_stack import RuleRun
 from rise_engine.kernel.rules import RuleMachine
-from rise_engine.kernel.scheduler import Scheduler
+from rise_engine.kernel.scheduler import FULL, Scheduler
 from rise_engine.kernel.session_keys import SessionKeys
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.kernel.stop import StopLatch, StoppedRule
@@ -56,6 +56,7 @@ class TaskHandlers:
         scheduler.on_ended = self.rules.own_acts.note_ended
         failures.note_repeated = self.rules.own_acts.note_repeated
         self.rules.on_stopped = self._forget_questions
+        self.rules.on_loop_ended = self.session_keys.update
         self.by_name: dict[str, Callable[[Submit], None]] = {
             "startCommunicationRobotAct": self._start_act,
             "stopCommunicationRobotAct": self._stop_act,
@@ -97,13 +98,16 @@ class TaskHandlers:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
         elif task.calling_type not in ACT_CALLING_TYPES:
             self._reject(task, f"the calling type is `None`, `Blocking` or `Interrupt`, not {task.calling_type!r}")
-        elif self._stop.latched:
-            self._reject(task, STOPPED)
+        elif reason := self._why_not_start_acts():
+            self._reject(task, reason)
         else:
             started = self._core.new_task(task, self._calling_type(task))
             started.cause = started.cause if cause is None else cause
             self.rules.own_acts.note_started(started)
             self._scheduler.add(started)
+
+    def _why_not_start_acts(self) -> str:
+        return STOPPED if self._stop.latched else FULL if self._scheduler.is_full else ""
 
     def _stop_act(self, task: Submit) -> None:
         name = task.behavior
@@ -140,6 +144,10 @@ class TaskHandlers:
             self._reject(task, f"the rule {name!r} has no state {state!r}{near}")
         elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
+        elif self.rules.was_stopped_for_loop(name):
+            self._reject(
+                task, f"rule {name!r} was just stopped as part of a loop, so it cannot start again in the same go"
+            )
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
@@ -325,10 +333,8 @@ class TaskHandlers:
             self._reject(task, f"free speech has at most {LONGEST_SPEECH} characters, and this has {len(text)}")
         elif task.calling_type not in ("", "Blocking", "Interrupt"):
             self._reject(task, f"free speech is `Blocking` or `Interrupt`, not {task.calling_type!r}")
-        elif reason := why_not_speak(self._scenario):
+        elif (reason := why_not_speak(self._scenario)) or (reason := self._why_not_start_acts()):
             self._reject(task, reason)
-        elif self._stop.latched:
-            self._reject(task, STOPPED)
         else:
             speech = self._core.new_task(task, task.calling_type or "Blocking")
             speech.behavior = text
@@ -356,8 +362,8 @@ class TaskHandlers:
         name = self._wizard.next_filler()
         if name is None:
             self._reject(task, "this scenario has no filler: `filler = true` under [act.NAME] makes one")
-        elif self._stop.latched:
-            self._reject(task, STOPPED)
+        elif reason := self._why_not_start_acts():
+            self._reject(task, reason)
         else:
             asked = self._core.next_task
             self._record_finished(task, "SUCCEEDED", name)

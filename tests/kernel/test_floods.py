@@ -163,8 +163,12 @@ def test_who_starts_a_flood_again_does_not_go_on_for_ever(tmp_path: Path) -> Non
         "nurse": stays("flood_end", do("startInteractionRule", "flood"), raises("go")),
     }
     s = play(tmp_path, rules)
-    assert faulted(s)[0] == "flood"
-    assert "nurse" in faulted(s), "it kept the flood going"
+    assert faulted(s) == ["flood"]
+    assert s.states == {"nurse": "a"}
+    rejected = next(line for line in s.lines() if line.startswith("task rule flood REJECTED"))
+    assert "was just stopped as part of a loop" in rejected
+    s.event("flood_end")
+    assert faulted(s) == ["flood", "flood"], "it could start again with the next input"
 
 
 def test_the_next_day_counts_anew(tmp_path: Path) -> None:

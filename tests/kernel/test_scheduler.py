@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.kernel.scheduler import FULL, MAX_ACTS
+
 from .harness import Session, dialog, gaze, pause, read, speech, write
 from .test_rules import do, on, rule, state
 
@@ -22,6 +24,16 @@ ACTS = (
 def s(tmp_path: Path) -> Session:
     rules = rule("R", state("a", ways=on("e", "a") + on("A_end", "a")))
     return Session(read(write(tmp_path, acts=ACTS, rules=rules, memory={"n": 4, "name": "Ada"})))
+
+
+def test_a_queue_has_an_end(s: Session) -> None:
+    for _ in range(MAX_ACTS - 1):
+        s.act("A")
+    assert s.submit("say", "Hello").status == "PENDING"
+    for task in (s.act("B"), s.submit("say", "Hello")):
+        assert (task.status, task.reason) == ("REJECTED", FULL)
+    s.report("1/1")
+    assert s.act("B").status == "PENDING", "an end makes room"
 
 
 def test_blocking_acts_run_one_at_a_time_in_order(s: Session) -> None:

@@ -28,6 +28,8 @@ class Circles:
         self.steps: Counter[str] = Counter()
         self.in_vain = 0
         self.same_go = False
+        self.stopped: set[str] = set()
+        """The rules that were stopped in this go: they do not start again in it."""
         self.most_steps = 1000
         self.most_in_vain = 100
 
@@ -36,6 +38,7 @@ class Circles:
         self.same_go = same_go
         if not same_go:
             self.steps.clear()
+            self.stopped.clear()
             self.in_vain = 0
 
     def about_to_step(self, run: Run, cause: Step | None) -> Step | None:
@@ -77,6 +80,8 @@ class Circles:
                     self._stop(max(raised, key=lambda name: raised[name]))
 
     def _stop(self, name: str) -> None:
+        self.stopped.add(name)
         for run in list(self.rules.stack):
             if run.name == name:
                 self.rules.fault(run, "it goes round in circles")
+                self.rules.session.standing.update()

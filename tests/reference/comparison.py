@@ -11,6 +11,7 @@ import msgspec
 
 from rise_engine.kernel import Kernel
 from rise_engine.kernel import rules as kernel_rules
+from rise_engine.kernel import scheduler as kernel_scheduler
 from rise_engine.kernel.commands import (
     CancelAction,
     CancelOpenGoals,
@@ -151,10 +152,14 @@ class Play:
         In nearly all studies who goes round in circles is stopped after 60 steps instead of 1,000: both sides count in
         the same way, and what follows is seen more often and sooner.
         """
-        steps, in_vain = (1000, 100) if self.seed % 50 == 0 else (60, 5)
-        with patch.multiple(kernel_rules, STEP_LIMIT=steps, MAX_VAIN_SEARCHES=in_vain):
+        steps, in_vain, acts = (1000, 100, 1000) if self.seed % 50 == 0 else (60, 5, 8)
+        with (
+            patch.multiple(kernel_rules, STEP_LIMIT=steps, MAX_VAIN_SEARCHES=in_vain),
+            patch.object(kernel_scheduler, "MAX_ACTS", acts),
+        ):
             circles = self.interpreter.session.rules.circles
             circles.most_steps, circles.most_in_vain = steps, in_vain
+            self.interpreter.session.scheduler.most_acts = acts
             self._run(moves)
 
     def _run(self, moves: int) -> None:

@@ -85,7 +85,7 @@ class Marks:
 
     def next_filler(self, task: Task) -> None:
         """Start the next one, in turn."""
-        self.session.stop.refuse_if_stopped()
+        self.session.scheduler.refuse_if_no_act_may_begin()
         name = self._next()
         if name is None:
             raise Refused("the scenario has no filler")

@@ -96,6 +96,8 @@ class Rules:
             raise Refused("it has no such state")
         if any(run.name == rule.name for run in self.stack):
             raise Refused("it is running already")
+        if name in self.circles.stopped:
+            raise Refused("it has just been stopped, because it goes round in circles")
         tasks = self.session.tasks
         tasks.record(task, "PENDING")
         tasks.record(task, "ACTIVE")

@@ -21,6 +21,8 @@ class Scheduler:
         self.line: list[tuple[Task, Act]] = []
         self.running: list[Run] = []
         self.arranging = False
+        self.most_acts = 1000
+        """How many acts are accepted, among them those that have failed and are not answered."""
         self.waits_for_wizard = False
         """Whether nothing begins, after a recovery, until a wizard has control."""
 
@@ -31,7 +33,7 @@ class Scheduler:
         act = self.session.scenario.acts.get(task.behavior.strip())
         if task.calling_type == "":
             task.calling_type = self.session.scenario.settings_of(task.behavior.strip()).calling_type
-        self.session.stop.refuse_if_stopped()
+        self.refuse_if_no_act_may_begin()
         if act is None:
             raise Refused("there is no such act")
         if task.calling_type not in ("Blocking", "None", "Interrupt"):
@@ -40,7 +42,7 @@ class Scheduler:
 
     def say(self, task: Task, asked: str) -> None:
         """Free speech is an act of one sentence."""
-        self.session.stop.refuse_if_stopped()
+        self.refuse_if_no_act_may_begin()
         if not task.behavior.strip() or len(task.behavior) > LONGEST_SPEECH:
             raise Refused("nothing to say, or too much")
         if asked not in ("", "Blocking", "Interrupt"):
@@ -53,6 +55,12 @@ class Scheduler:
         words = Template(task.behavior, (task.behavior,))
         action = Action("say", (ActionCall("Speech", {"message": words}),))
         self._add(task, Act("say", (action,), frozenset(spec.channels)))
+
+    def refuse_if_no_act_may_begin(self) -> None:
+        """While all is stopped, or because there are too many."""
+        self.session.stop.refuse_if_stopped()
+        if len(self.line) + len(self.running) + len(self.session.failures.questions) >= self.most_acts:
+            raise Refused("there are too many acts")
 
     def _add(self, task: Task, act: Act) -> None:
         task.act = act.name
