@@ -38,6 +38,7 @@ ENGINE = str(Path(sys.executable).with_name("rise-engine"))
 PIPE, DEVNULL, STDOUT = subprocess.PIPE, subprocess.DEVNULL, subprocess.STDOUT
 
 _server: tuple[socket.socket, subprocess.Popen[bytes]] | None = None
+_asking = threading.Lock()
 
 
 class Forked:
@@ -93,9 +94,10 @@ class Forked:
             "folder": os.fspath(cwd or Path.cwd()),
         }
         message = json.dumps(what).encode()
-        server = _fork_server()
-        socket.send_fds(server, [len(message).to_bytes(4, "big")], given)
-        server.sendall(message)
+        with _asking:  # a test may start several at once, in threads
+            server = _fork_server()
+            socket.send_fds(server, [len(message).to_bytes(4, "big")], given)
+            server.sendall(message)
         theirs.close()
         for each in given[1:]:
             os.close(each)
