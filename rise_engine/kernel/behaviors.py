@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from rise_engine.base.errors import RiseError
 from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.typed_values import format_value
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
 Content = TypeVar("Content", bound=Struct)
@@ -153,7 +154,16 @@ def _describe_step_back(behavior: str) -> str:
     return f"{step.rule}{keys}{'' if step.enter else ', without onEntry'}{', stops its acts' if step.stop_acts else ''}"
 
 
+def _describe_assignment(behavior: str) -> str:
+    try:
+        values: dict[str, Any] = msgspec.json.decode(behavior, type=dict[str, Any])
+    except (msgspec.DecodeError, RecursionError, UnicodeError):
+        return behavior
+    return ", ".join(f"{key} = {format_value(value)}" for key, value in values.items())
+
+
 _DESCRIPTIONS: dict[str, Callable[[str], str]] = {
+    "assignValue": _describe_assignment,
     "startInteractionRule": _describe_start,
     "raiseEventTopic": lambda behavior: read_event_raise(behavior).event,
     "releaseStop": _describe_release,

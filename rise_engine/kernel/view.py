@@ -14,6 +14,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from rise_engine.base.json_codec import json_equal
 from rise_engine.kernel.behaviors import describe_behavior, started_rule
 from rise_engine.kernel.history import MAX_STEPS, MemoryLog, ValueBefore
 from rise_engine.kernel.record_words import words_of
@@ -49,6 +50,8 @@ from rise_engine.kernel.reports import REPORT_KINDS, ReportRecord
 from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_action_record, add_record, add_task_record
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 
+SET_AT_START = ("condition", "study")
+"""The sources of the values that a session gets at its start."""
 MAX_ENDED_TASKS = 100_000
 """The number of finished tasks that a view keeps. Older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
@@ -226,6 +229,10 @@ class SessionView(Struct):
     memory: dict[str, MemoryView] = field(default_factory=dict)
     memory_log: MemoryLog = field(default_factory=MemoryLog)
     """The changes of the memory since earlier steps of the rules."""
+    condition_values: dict[str, Any] = field(default_factory=dict)
+    """The keys that the condition or the study set at the start, with their values."""
+    overridden: dict[str, str] = field(default_factory=dict)
+    """Those of them that got another value from a wizard, with the source of the last change."""
     running: list[int] = field(default_factory=list)
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
@@ -294,6 +301,14 @@ class SessionView(Struct):
             self.memory.pop(record.key, None)
         else:
             self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
+        key, source = record.key, record.source
+        if source in SET_AT_START:
+            self.condition_values[key] = record.value
+        elif key in self.condition_values:
+            if not record.deleted and json_equal(record.value, self.condition_values[key]):
+                self.overridden.pop(key, None)
+            elif source.startswith("wizard:"):
+                self.overridden[key] = source
 
     def _apply_action(self, record: ActionRecord) -> None:
         add_action_record(self.tasks, record)

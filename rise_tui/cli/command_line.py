@@ -28,7 +28,7 @@ from rise_tui.rendering.text import clean, format_age, wrap
 if TYPE_CHECKING:
     from rise_tui.config.key_file import KeyFile
 
-THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
+THEMES = ("dark", "light", "contrast", "colorblind", "colorblind-light", "mono", "terminal")
 """The themes of `rise_tui.rendering.themes`. That module is imported only when a session is starting."""
 THEME = click.option(
     "--theme", type=click.Choice(THEMES), help="Choose the theme. Default: the one that you used last; at first, dark."
@@ -246,18 +246,26 @@ def choose_session(
 
 
 def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
-    rows: list[tuple[str, ...]] = []
+    """Two rows for each session: who takes part in what and since when; who has control, and its folder."""
+    columns: list[tuple[str, ...]] = []
+    places: list[str] = []
     for number, (name, about) in enumerate(found.items(), 1):
         if about is None:
-            rows.append((f"{number}", name, "", "", "", "does not answer"))
+            columns.append((f"{number}", name, "", "", "", "does not answer"))
+            places.append("")
             continue
+        who = " · ".join(filter(None, (clean(about.participant), clean(about.condition)))) or "nobody named"
+        since = f"for {format_age(about.t)}"
+        columns.append((f"{number}", who, clean(about.title), about.mode.upper(), about.robot, since))
         others = f", {len(about.clients)} attached" if len(about.clients) > 1 else ""
-        who = f"{short_name(about.control)} has control{others}"
-        rows.append(
-            (f"{number}", clean(about.title), about.mode.upper(), about.robot, f"for {format_age(about.t)}", who)
-        )
-    widths = [max(len(row[column]) for row in rows) for column in range(5)]
-    return ["  " + "  ".join((*map(str.ljust, row[:5], widths), row[5])).rstrip() for row in rows]
+        place = clean(abbreviate_home(about.folder or about.scenario_folder))
+        places.append(" · ".join(filter(None, (f"{short_name(about.control)} has control{others}", place))))
+    widths = [max(map(len, column)) for column in zip(*columns, strict=True)]
+    rows = []
+    for row, place in zip(columns, places, strict=True):
+        rows.append("  " + "  ".join(map(str.ljust, row, widths)).rstrip())
+        rows += [f"  {' ' * widths[0]}  {place}"] * bool(place)
+    return rows
 
 
 def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:

@@ -11,6 +11,8 @@ these settings.
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 import threading
 from pathlib import Path
 from typing import TypeVar
@@ -51,6 +53,14 @@ def abbreviate_home(folder: str) -> str:
     """A path with `~` for the home folder."""
     home = f"{Path.home()}/"
     return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder
+
+
+def typed_command(name: str = "rise-tui") -> str:
+    """What to type in any terminal for one of our programs: its name, or its place if only this environment has it."""
+    own = Path(sys.prefix, "bin", name)
+    found = shutil.which(name)
+    elsewhere = found is not None and Path(found).parent != own.parent
+    return name if elsewhere or sys.prefix == sys.base_prefix or not own.exists() else abbreviate_home(str(own))
 
 
 def expand_home(path: str) -> Path:

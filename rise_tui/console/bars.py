@@ -125,10 +125,17 @@ class ConsoleBars:
         self.speech_input.draw()
         self.mistake_line.draw()
 
+    def draw_keys(self) -> None:
+        """Draw the study's keys and the hints, because something has covered or uncovered the screen."""
+        self.key_strip.draw()
+        self.draw_hints()
+
     def draw_hints(self) -> None:
         """Draw the effects of keys now, for the pane with the focus."""
         focused, store = self._panes.screen.focused, self._store
-        if store.input_mode == "LOCKED":
+        if store.is_covered:
+            self.key_hints.draw_covered(store)
+        elif store.input_mode == "LOCKED":
             self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
         elif isinstance(focused, SpeechField):
             self.key_hints.draw_speech_hints(store, self.speech_input.effect, why_blocked(store, "start"))

@@ -28,20 +28,26 @@ from rise_tui.panes.pane import Pane
 from rise_tui.panes.rule import RulePane
 from rise_tui.panes.start_lists import ActsPane, RulesPane
 from rise_tui.panes.tasks import ActPane, SchedulerPane
+from rise_tui.screens.dialog import place_overlays
 
-LayoutKind = Literal["one", "two", "all"]
+LayoutKind = Literal["column", "one", "two", "all"]
 
 START_LISTS = ("acts", "rules")
 UPPER = ("rule", "act", "memory")
 LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
+COLUMN_BELOW = 70
+"""A terminal of fewer columns shows one list or pane at a time."""
 ONE_PANE_BELOW = (80, 24)
 """A smaller terminal has room for only one monitoring pane."""
 
 
 def layout_for(width: int, height: int) -> LayoutKind:
-    """Two monitoring panes from 80x24 on, all from 180 columns and 30 rows; one in a smaller terminal."""
+    """Two monitoring panes from 80x24 on, all from 180 columns and 30 rows, one in less; below 70 columns, one list or
+    pane alone."""
+    if width < COLUMN_BELOW:
+        return "column"
     if width < ONE_PANE_BELOW[0] or height < ONE_PANE_BELOW[1]:
         return "one"
     return "all" if width >= 180 and height >= 30 else "two"
@@ -69,8 +75,9 @@ class Layout(Container):
             #monitoring { layout: horizontal; }
             #upper { width: 1fr; height: 1fr; border-right: vkey $rise-bar; }
             #lower { width: 1fr; height: 1fr; }
-            #rule { height: 2fr; } #act, #memory { height: 1fr; }
-            #scheduler { height: 1fr; } #log { height: 2fr; }
+            #rule { height: 3fr; } #act { height: 2fr; } #log { height: 1fr; }
+            #memory, #scheduler { height: auto; max-height: 35%; }
+            #memory RowList, #scheduler RowList { height: auto; max-height: 100%; min-height: 1; }
         }
         &.-zoom {
             #control, #upper { width: 1fr; border-right: none; }
@@ -101,6 +108,7 @@ class Layout(Container):
         self._front = "rule"
         self._layout_kind: LayoutKind = "one"
         self._zoomed = ""
+        self._last_focused = START_LISTS[0]
         self.panes["rules"].styles.height = max(4, len(store.scenario.rules) + 1)
 
     def compose(self) -> ComposeResult:
@@ -123,6 +131,7 @@ class Layout(Container):
 
     def on_resize(self, event: events.Resize) -> None:
         self._arrange_and_repaint()
+        place_overlays(self.app)
 
     def focused_pane(self) -> Pane | None:
         """The list or pane with the focus."""
@@ -140,6 +149,7 @@ class Layout(Container):
             self._active["lower"] = self._front = name
         if self._zoomed:
             self._zoomed = name
+        self._last_focused = name
         self._arrange_and_repaint()
         self.screen.set_focus(self.panes[name].row_view)  # `Widget.focus` repaints the whole list
 
@@ -159,6 +169,11 @@ class Layout(Container):
         here = self.focused_pane()
         self._zoomed = "" if self._zoomed or here is None else here.SCOPE
         self._arrange_and_repaint()
+
+    @property
+    def _alone(self) -> str:
+        """The only visible list or pane; empty: there are several."""
+        return self._zoomed or (self._last_focused if self._layout_kind == "column" else "")
 
     @property
     def is_zoomed(self) -> bool:
@@ -185,8 +200,8 @@ class Layout(Container):
             self.toggle_zoom()
 
     def _is_shown(self, name: str) -> bool:
-        if self._zoomed:
-            return name == self._zoomed
+        if self._alone:
+            return name == self._alone
         if name in START_LISTS or self._layout_kind == "all":
             return True
         if self._layout_kind == "two":
@@ -194,6 +209,8 @@ class Layout(Container):
         return name == self._front
 
     def _tabs(self, name: str) -> tuple[str, ...]:
+        if self._layout_kind == "column" and not self._zoomed:
+            return tuple(self.panes)
         if self._zoomed or name in START_LISTS or self._layout_kind == "all":
             return (name,)
         if self._layout_kind == "two":
@@ -214,7 +231,7 @@ class Layout(Container):
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")
         self.set_class(is_narrow(self.app.size.width), "-narrow")
-        self.set_class(bool(self._zoomed), "-zoom")
+        self.set_class(bool(self._alone), "-zoom")
         for name, pane in self.panes.items():
             pane.display = self._is_shown(name)
             if pane.display and pane.is_mounted:

@@ -9,7 +9,7 @@ from rise_engine.kernel.behaviors import release_behavior
 from rise_engine.kernel.records import open_goals_warning, stopper_words
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
-from rise_tui.config.preferences import abbreviate_home
+from rise_tui.config.preferences import abbreviate_home, typed_command
 from rise_tui.key_labels import key_name, keys_of, why_blocked
 from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.control import KeyAction, control_question
@@ -93,12 +93,12 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         kept = abbreviate_home(store.attach_reply.folder)
         if store.ended_in_order:
             return f"{lead}all cues were shown; your keys are in {kept}/shadow. Compare: rise-engine agree {kept}"
-        return f"{lead}your keys are in {kept}/shadow; to continue: rise-tui --shadow {kept} --recover"
+        return f"{lead}your keys are in {kept}/shadow; to continue: {typed_command()} --shadow {kept} --recover"
     if store.gone_reason and not store.ended_in_order:
-        again = f"rise-tui --config {abbreviate_home(store.scenario.folder)}"
+        again = f"{typed_command()} --config {abbreviate_home(store.scenario.folder)}"
         return f"{lead}the engine has gone; to recover the session: {again}"
     if end and not in_time:
-        return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
+        return f"{lead}{title} did not end within {patience:g} s: look at the robot; {typed_command()} shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
         if store.end_unrecorded:
@@ -110,8 +110,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         where = abbreviate_home(kept)
         plain = where.removeprefix("~/")
         typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is not the home folder
-        return f"{lead}ended: the record is in {where}\nwhat happened: rise-engine report {typed}"
-    return f"{lead}detached: {title} goes on; come back with: rise-tui"
+        return f"{lead}ended: the record is in {where}\nwhat happened: {typed_command('rise-engine')} report {typed}"
+    return f"{lead}detached: {title} goes on; come back with: {typed_command()}"
 
 
 def leave_study_dialog() -> Dialog:
@@ -124,7 +124,7 @@ def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
     """The terminal's text after the screen of a study. `busy`: the work in progress."""
     lead = f"{signal_name}: " if signal_name else ""
     state = f"{busy}, and goes on without this console" if busy else "no session is running"
-    return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"
+    return f"{lead}{state}; to come back to the study: {typed_command()} --config {abbreviate_home(folder)}"
 
 
 DIALOG_WIDTH = 58

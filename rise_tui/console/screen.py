@@ -72,6 +72,11 @@ class ConsoleScreen(Screen[None]):
         yield self.pane_layout
         yield from self.bars.widgets_below()
 
+    @property
+    def kept_rows(self) -> int:
+        """The rows above the lists and panes. They stay in view above overlays."""
+        return self.pane_layout.region.y
+
     def on_mount(self) -> None:
         self.session.on_change = self._store_changed
         self.run_worker(self.session.receive_records(), name="pump", exit_on_error=True)
@@ -92,7 +97,17 @@ class ConsoleScreen(Screen[None]):
         self.bars.fit_terminal(self.app.size)
         show_when_too_small(self.app, self.store)
 
+    def on_screen_suspend(self) -> None:
+        self._set_covered(True)
+
+    def _set_covered(self, covered: bool) -> None:
+        """Show that keys of the study have no effect while something else takes them."""
+        if self.store.is_covered != covered:
+            self.store.is_covered = covered
+            self.bars.draw_keys()
+
     def on_screen_resume(self, event: events.ScreenResume) -> None:
+        self._set_covered(False)
         if self.stack_updates == 0:  # at first, mounting has just styled everything
             event.refresh_styles = False
         show_when_too_small(self.app, self.store)

@@ -101,7 +101,7 @@ def _key_width(key: KeyBinding, width: int) -> int:
 
 
 def _key_spans(key: KeyBinding, store: Store, width: int, awaited: bool) -> list[StyledSpan]:
-    off = store.task_blocked(key.function) is not None
+    off = store.is_covered or store.task_blocked(key.function) is not None
     title = _title_text(key, width)
     if store.is_sent((key.function,), key.task_behavior):
         mark: StyledSpan = (SENT.glyph, SENT.role)

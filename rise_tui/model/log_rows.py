@@ -17,8 +17,8 @@ from rise_engine.kernel.view import RemarkView, SessionView
 from rise_engine.results.analysis.acts import first_cause
 from rise_engine.results.analysis.model import actor_of
 
-ROWS_PER_TASK = 1 << 12
-"""Row numbers for each task: its own, and those of remarks before the next task."""
+ROWS_PER_TASK = 1 << 40
+"""Row numbers for each task: its own, and more than enough for the remarks before the next task."""
 ACTS = frozenset({"startCommunicationRobotAct", "say", "nextFiller"})
 BY_RULE = "rule:"
 NOTE, ROBOT, FAULT = "note", "robot", "fault"
@@ -109,11 +109,8 @@ class LogRows:
 
     def add_remark(self, remark: RemarkView, *, in_order: bool = True) -> None:
         """Add a note, or another remark among the tasks."""
-        row = row_of(remark.after) + 1
-        while row in self._remarks:
-            row += 1
-        if row % ROWS_PER_TASK == 0:
-            return  # the maximum number of remarks between two tasks
+        last = next(reversed(self._remarks), 0)  # they come in order
+        row = max(row_of(remark.after), last) + 1
         self._remarks[row] = _as_task(remark)
         for rows in (self.all, self.main):
             if not in_order or not rows or rows[-1] < row:

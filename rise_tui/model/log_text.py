@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
+
+from msgspec.structs import replace
 
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.task_view import ActionView, TaskView
@@ -34,6 +37,8 @@ TIME, FUNCTION, STATE = 7, 8, 11
 """Columns of a narrow row; the description has the rest."""
 BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop", "recording": "rec"}
 """Functions in one word, for narrow rows."""
+ABOUT_TASKS = frozenset({"cancelTask", "moveTask", "markMistake", "repeatAct", "goOn", "stopRuleOfAct"})
+"""Functions whose behaviour begins with the number of a task."""
 REASON = 10
 """Minimum cells for a reason, which is omitted otherwise."""
 WIDE = 96
@@ -48,6 +53,13 @@ def log_line(task: TaskView, width: int) -> StyledLine:
         author: StyledLine = ((f"{short_name(task.source)}: ", "muted"),) if narrow else ()
         return crop((*head, *author, (task.behavior, "strong")), width)
     return _narrow_line(head, task, state, width) if narrow else _wide_line(head, task, state, width)
+
+
+def with_task_name(task: TaskView, tasks: Mapping[int, TaskView]) -> TaskView:
+    """A task about another task, with the other one's name in place of its number: `R_Praise wrong`."""
+    number, _, rest = task.behavior.partition(" ")
+    other = tasks.get(int(number)) if task.function in ABOUT_TASKS and number.isdecimal() else None
+    return task if other is None else replace(task, behavior=f"{_task_name(other)} {rest}".strip())
 
 
 def search_text(task: TaskView) -> str:

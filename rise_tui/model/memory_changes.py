@@ -1,4 +1,5 @@
-"""Parts of values, such as `person.name` and `list.0`, and the memory changes that this console can undo. Pure."""
+"""Parts of values, such as `person.name` and `list.0`, changes that this console can undo, and changes of a condition's
+values. Pure."""
 
 from __future__ import annotations
 
@@ -11,8 +12,8 @@ from msgspec import Struct
 from rise_engine.base.errors import RiseError
 from rise_engine.base.json_codec import json_equal
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.kernel.view import MemoryView
-from rise_tui.rendering.text import format_value
+from rise_engine.kernel.view import MemoryView, SessionView
+from rise_tui.rendering.text import format_value, shorten
 
 JsonPath: TypeAlias = tuple[str | int, ...]
 """A memory key, then names into objects and indexes into arrays."""
@@ -131,3 +132,41 @@ class UndoStack:
 
 def _restores(record: MemoryRecord, change: MemoryRecord) -> bool:
     return record.deleted if change.created else not record.deleted and json_equal(record.value, change.old)
+
+
+# --- values of the condition ------------------------------------------------------------------------------------------
+
+
+def changed_key(function: str, behavior: str) -> str:
+    """The key of a task that sets or deletes it, as the memory pane writes such tasks."""
+    return behavior if function == "deleteValue" else next(iter(json.loads(behavior)))
+
+
+CHANGE_QUESTION = "Change a value of the condition?"
+MAX_VALUE = 24
+"""Cells of a value in it."""
+CHANGED = "≠ changed"
+"""The values that the condition set are no longer its own."""
+
+
+def condition_change_lines(view: SessionView, function: str, behavior: str) -> list[str]:
+    """The lines of the question before one of the condition's keys gets another value; empty: none is needed."""
+    key = changed_key(function, behavior)
+    if key not in view.condition_values or key in view.overridden:
+        return []
+    old = view.condition_values[key]
+    new = None if function == "deleteValue" else json.loads(behavior)[key]
+    if function != "deleteValue" and json_equal(new, old):
+        return []
+    becomes = "be deleted" if function == "deleteValue" else f"become {shorten(format_value(new), MAX_VALUE)}"
+    setter = "The study" if view.session is not None and view.session.study else "The condition"
+    return [
+        f"{setter} set {key} to {shorten(format_value(old), MAX_VALUE)} at the start.",
+        f"It would {becomes}, and this session would no longer",
+        f"follow its condition. The title would show “{CHANGED}”.",
+    ]
+
+
+def assignment(key: str, value: Any) -> tuple[str, str]:
+    """The function and the behaviour of a task that sets a key."""
+    return "assignValue", json.dumps({key: value}, ensure_ascii=False)

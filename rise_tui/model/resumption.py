@@ -29,7 +29,7 @@ def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], wid
     """The effects of `onEntry`, one line of at most `width` cells for each function; beyond `most`, a count."""
     lines = [
         ("perhaps " if not sure else "") + _function_text(scenario, function, memory)
-        for function, sure in functions_in(state.on_entry)
+        for function, sure in functions_in(state.on_entry, memory=memory)
     ]
     lines += [] if state.transitions else [ENDS]
     if len(lines) > most:
@@ -38,9 +38,11 @@ def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], wid
 
 
 def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[str, Any]) -> str:
-    """The first speech or action of the robot, and the number of others."""
+    """The robot's first certain speech, or else its first speech or action, and the number of others."""
     lines = entry_lines(scenario, rule.states[state], memory, 10_000, 10_000)
-    spoken = next((line for line in lines if "“" in line), lines[0])
+    spoken = next(
+        (line for line in sorted(lines, key=lambda line: line.startswith("perhaps ")) if "“" in line), lines[0]
+    )
     return spoken if len(lines) == 1 else f"{spoken}, and {len(lines) - 1} more"
 
 
@@ -79,6 +81,12 @@ def act_summary(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str
     texts = (_action_words(scenario, action, memory) for action in actions)
     first = next(filter(None, texts), actions[0].calls[0].type if actions else "nothing")
     return first if len(actions) < 2 else f"{first} +{len(actions) - 1}"
+
+
+def act_wordings(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> list[str]:
+    """Everything that an act may say, in the order of its actions, with the memory's present values."""
+    calls = (call for action in scenario.acts[name].actions for call in action.calls)
+    return [fill_known(message, memory) for call in calls if (message := message_of(scenario, call)) is not None]
 
 
 def start_summary(store: Store, action: KeyAction) -> str:

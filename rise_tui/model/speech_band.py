@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from rise_engine.author.drawing.study_keys import RULE, key_title, short_title
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.control import KeyNames
+from rise_tui.model.notice import act_label
 from rise_tui.model.speech import CurrentSentence, longest_sentence, remaining_sentences
 from rise_tui.model.store import Store
 from rise_tui.model.upcoming import UpcomingStep, find_upcoming
@@ -18,6 +19,7 @@ from rise_tui.model.wait_explanations import key_owner
 from rise_tui.rendering.text import (
     StyledLine,
     StyledSpan,
+    TextRole,
     align_at_both_ends,
     cell_width,
     clean,
@@ -33,6 +35,8 @@ GLYPH = 3
 """Cells before a sentence."""
 NOTE = 15
 """Cells at the end of the first line: `12.3 s left`, `said 12 min ago`."""
+BAR, BAR_WIDTH = 10, 70
+"""Cells of the bar of a sentence's time, and the width from which there is room for it."""
 MAX_LINES, MAX_LINES_TALL = 3, 4
 """Lines for a sentence: in a terminal of less than TALL rows, and in others."""
 TALL = 30
@@ -85,11 +89,14 @@ def changes_by_tenths(store: Store) -> bool:
 
 
 def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: int) -> list[StyledLine]:
-    (glyph, role), note = KIND_STYLES[sentence.kind], _status_note(sentence)
+    (glyph, role) = KIND_STYLES[sentence.kind]
+    note: StyledLine = (_status_note(sentence),)
     if sentence.kind == "nothing":
         return [align_at_both_ends(((" · the robot has said nothing yet", "muted"),), (), width)]
     if store.gone_reason and sentence.kind in ("says", "sent"):
-        role, note = "fault", ("not known", "fault")
+        role, note = "fault", (("not known", "fault"),)
+    elif sentence.kind == "says" and sentence.seconds is not None and width >= BAR_WIDTH:
+        note = (*_time_bar(sentence.share, note[0][1]), (" ", "plain"), *note)
     prefix = _ending_prefix(sentence)
     more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
     text = f"{prefix}{_quote(sentence.text)}{more}"
@@ -100,8 +107,19 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
     for at, text in enumerate(shown):
         lead = "   " if at else " … " if first else f" {glyph} "
         line: StyledLine = ((lead, "accent" if sentence.kind == "says" else role), (text, role))
-        lines.append(align_at_both_ends(line, (note, (" ", "plain")), width) if at == 0 else line)
+        lines.append(align_at_both_ends(line, (*note, (" ", "plain")), width) if at == 0 else line)
     return lines
+
+
+def _time_bar(share: float, role: TextRole) -> StyledLine:
+    """`━━━━━━────`: the share of a sentence that is probably over."""
+    over = round(share * BAR)
+    return (("━" * over, role), ("─" * (BAR - over), "muted"))
+
+
+def _note_width(width: int) -> int:
+    """The cells at the end of the first line."""
+    return NOTE + (BAR + 1 if width >= BAR_WIDTH else 0)
 
 
 def _ending_prefix(sentence: CurrentSentence) -> str:
@@ -140,7 +158,7 @@ def _quote(text: str) -> str:
 
 def _wrap_sentence(text: str, width: int) -> list[str]:
     """The sentence on the lines that it needs; the first leaves room for the note."""
-    first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
+    first, others = max(10, width - GLYPH - _note_width(width) - 2), max(10, width - GLYPH - 1)
     text = " ".join(clean(text).split())
     head = wrap(text, first)[0]
     rest = text[len(head) :].strip()
@@ -149,7 +167,7 @@ def _wrap_sentence(text: str, width: int) -> list[str]:
 
 def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
     """The lines around the words that are probably being spoken, and the number of the first line."""
-    every = wrap(text, max(10, width - GLYPH - NOTE - 2))
+    every = wrap(text, max(10, width - GLYPH - _note_width(width) - 2))
     here = min(len(every) - 1, int(share * len(every)))
     first = min(max(0, here - (rows - 1) // 2), max(0, len(every) - rows))
     shown = every[first : first + rows]
@@ -205,6 +223,13 @@ def _joined_width(widths: Sequence[int]) -> int:
 def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     if why := _why_nothing_comes(store, key_name):
         return [_Piece(why)]
+    if asked := next((store.view.tasks[id] for id in store.view.questions if id in store.view.tasks), None):
+        act = short_title(act_label(asked.function, asked.behavior))
+        choices = (("repeat", "repeats"), ("go-on", "goes on"))
+        line: list[StyledSpan] = [(f"waits for {key_owner(store)}: {act} failed", "wait")]
+        for id, word in choices:
+            line += [(f"  {key_name(id)} ", "key"), (word, "plain")]
+        return [_Piece(tuple(line)), *(_Piece(_step_line(step)) for step in find_upcoming(store).steps)]
     found = find_upcoming(store)
     pieces = [_Piece(_step_line(step)) for step in found.steps]
     if found.keys:  # after the first step: later steps matter less

@@ -90,6 +90,10 @@ RULE_STATES = {
 }
 
 
+MAX_OWN_TASKS = 8
+"""The tasks after a rule's start among which its own are looked for: a rule that raises an event ends at once."""
+
+
 def is_armed(store: Store, function: str, name: str) -> bool:
     """Whether one more press starts this act or rule."""
     return store.armed is not None and (store.armed.function, store.armed.behavior) == (function, name)
@@ -113,7 +117,18 @@ def rule_state(store: Store, name: str) -> StateLabel:
         return ARMED
     if store.is_sent(("startInteractionRule", "stopInteractionRule"), name):
         return SENT
+    if raised_in_vain(store, name):
+        return NOT_TAKEN
     return RULE_STATES.get(store.rule(name).status, READY)
+
+
+def raised_in_vain(store: Store, name: str) -> bool:
+    """Whether a rule has ended, and nothing took an event that it raised, such as a “next” that came too early."""
+    rule, tasks = store.rule(name), store.view.tasks
+    if rule.status != "ended" or rule.task is None:
+        return False
+    own = (tasks[id] for id in range(rule.task + 1, rule.task + 1 + MAX_OWN_TASKS) if id in tasks)
+    return any(task.taken is False and task.source == f"rule:{name}" for task in own)
 
 
 def task_state(task: TaskView) -> StateLabel:

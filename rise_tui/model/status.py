@@ -11,6 +11,7 @@ from rise_engine.kernel.records import SessionRecord, describe_open_goal
 from rise_engine.scenario.reading.conditions import condition_label
 from rise_tui.model.alarms import all_recorders_run, recorders_word
 from rise_tui.model.cue import cue_line
+from rise_tui.model.memory_changes import CHANGED
 from rise_tui.model.notice import act_label, short_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import (
@@ -53,8 +54,8 @@ def _labelled_condition(store: Store, session: SessionRecord) -> str:
 
 
 def participant_text(store: Store) -> str:
-    """`P07 · hesitation`; empty: no participant is named."""
-    return clean(" · ".join(participant_parts(store)))
+    """`P07 · hesitation`; empty: no participant is named. `≠ changed`: somebody has changed the condition's values."""
+    return clean(" · ".join(participant_parts(store))) + f" {CHANGED}" * bool(store.view.overridden)
 
 
 def session_title(store: Store) -> str:
@@ -136,7 +137,12 @@ def _participant_line(store: Store, cells: list[StatusCell], width: int) -> Styl
     """`P07 · hesitation`, in full while `cells` fit beside it in informative variants. Then names are cut in the
     middle, the longer one first, because they often begin alike."""
     texts = [clean(text) for text in participant_parts(store)]
-    least = sum(_least_width(cell) for cell in cells) + (CUE_SHORT if width >= NARROW else 0) + 1
+    changed: StyledLine = ()
+    if store.view.overridden and width >= NARROW:
+        changed = ((f" {CHANGED}", "wait"),)
+    elif store.view.overridden:
+        texts = [f"{CHANGED[0]} {texts[0] if texts else ''}", *texts[1:]]  # the beginning is never cut
+    least = sum(_least_width(cell) for cell in cells) + (CUE_SHORT if width >= NARROW else 0) + 1 + line_width(changed)
     room = max(2 * max(8, width // 6), width - least - 4) - 1
     if len(texts) == 2:
         room -= 3  # the separator
@@ -147,7 +153,7 @@ def _participant_line(store: Store, cells: list[StatusCell], width: int) -> Styl
         ]
     else:
         texts = [fit_middle(text, room).rstrip() for text in texts]
-    return ((f" {' · '.join(texts)}", "strong"),) if texts else ()
+    return ((f" {' · '.join(texts)}", "strong"), *changed) if texts else changed
 
 
 def _least_width(cell: StatusCell) -> int:
@@ -191,8 +197,12 @@ def _robot_cells(store: Store) -> list[StatusCell]:
     attach_reply, robot = store.attach_reply, store.view.robot
     if attach_reply.replay or attach_reply.shadow:  # there is no robot
         return []
-    status = robot.status if robot is not None else "no link"
-    role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
+    status: str = robot.status if robot is not None else "no link"
+    if store.gone_reason or store.cut_since is not None:
+        status = "not known"
+    role: TextRole = (
+        "plain" if status == "connected" else "wait" if status in ("degraded", "no link", "not known") else "fault"
+    )
     seen = store.heartbeat.robot_seen
     if seen is not None and robot is not None and status == "connected":
         seen = max(seen, robot.t)  # its return is a sign of life, too
@@ -237,7 +247,7 @@ def _recording_cell(store: Store) -> StatusCell:
     if not store.attach_reply.folder:
         return StatusCell(((GAP, ("○ NO REC", "wait")), (GAP, ("NO REC", "wait"))), (9,))
     word = "ALL REC" if all_recorders_run(store) else "REC"
-    return StatusCell(((GAP, (f"● {word}", "plain")), (GAP, (word, "plain")), ()), (9, 12))
+    return StatusCell(((GAP, (f"● {word}", "plain")), (GAP, (word, "plain")), ()), (9, 14))
 
 
 def _time_cell(store: Store) -> StatusCell:
@@ -266,12 +276,12 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
         return [StatusCell(((GAP, *words, *padding),)), own]
     if store.attach_reply.replay:
         return [StatusCell(((*((GAP, *words) if words else ()), (" ", "plain")),))]
-    control = f"{shorten(short_name(store.view.control), NAME)} has control"
-    if store.view.control is not None or store.attach_reply.role != "wizard":
-        control = f"WATCHING · {control}"
-    shown: StyledLine = (GAP, (f" {control} ", "call"))
+    holder = shorten(short_name(store.view.control), NAME)
+    watching = "WATCHING · " if store.view.control is not None or store.attach_reply.role != "wizard" else ""
+    texts = (f"{watching}{holder} has control", f"{watching}{holder}" if watching else f"{holder} has control")
+    shown: tuple[StyledLine, ...] = tuple((GAP, (f" {text} ", "call")) for text in dict.fromkeys(texts))
     # With little room, the red bar shows the first of these.
-    return [StatusCell(((GAP, *words), ()) if words else ((),), (10,)), StatusCell((shown,))]
+    return [StatusCell(((GAP, *words), ()) if words else ((),), (10,)), StatusCell(shown, (6,))]
 
 
 def _key_state_line(store: Store) -> StyledLine:

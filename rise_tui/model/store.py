@@ -150,6 +150,8 @@ class Store:
     reclaims_control: bool = False
     """Whether it had control when the connection was cut, and no other client has it now, except perhaps its own cut
     connection."""
+    is_covered: bool = False
+    """Whether an overlay takes the keys."""
     armed: control.KeyAction | None = None
     """The start whose first of two presses was seen."""
     newest_speech: int = 0

@@ -87,6 +87,7 @@ def _timer_steps(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
             seconds_left = due - store.now()
             if seconds_left > -1.0:  # later, its condition did not hold
                 condition = transition.condition.text if transition.condition is not None else ""
+                condition += "" if is_met(transition.condition, store.memory) else " (false now)"
                 yield _rule_step(store, name, transition, "timer", max(0.0, seconds_left))._replace(condition=condition)
 
 

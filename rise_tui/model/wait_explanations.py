@@ -124,7 +124,9 @@ class WaitExplanations:
         is_act = name in self._store.scenario.acts
         state, task = (act_state if is_act else rule_state)(self._store, name), newest_task(self._store, name)
         took = ""
-        if self._store.act(name).running and task is not None and task.started is not None:
+        if task is not None and transition.ended is not None and task.id in self._store.view.questions:
+            took = ": waits for an answer"
+        elif self._store.act(name).running and task is not None and task.started is not None:
             typical = self._store.typical_seconds(name)
             took = f" {format_seconds(now - task.started)}"
             took += f" of {format_duration(typical)}" if typical is not None else " s"

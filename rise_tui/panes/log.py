@@ -13,7 +13,15 @@ from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.model.filtering import InvalidFilter, RowSearch, mark_line
 from rise_tui.model.log_rows import row_of, task_of
-from rise_tui.model.log_text import EXAMPLES, NARROW, log_line, parse_moment, search_text, task_rows
+from rise_tui.model.log_text import (
+    EXAMPLES,
+    NARROW,
+    log_line,
+    parse_moment,
+    search_text,
+    task_rows,
+    with_task_name,
+)
 from rise_tui.model.notice import task_label
 from rise_tui.model.store import Store
 from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
@@ -88,7 +96,7 @@ class LogPane(Pane):
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
             return ((f" {what} is only in the journal", "muted"),)
-        line = log_line(task, width)
+        line = log_line(with_task_name(task, self.store.view.tasks), width)
         try:
             return mark_line(line, self.filter)
         except InvalidFilter:
@@ -97,7 +105,7 @@ class LogPane(Pane):
     def _searched_text(self, row: int) -> str | None:
         """The text that a filter searches; None: a row that is only in the journal."""
         task = self._task_at(row)
-        return search_text(task) if task is not None else None
+        return search_text(with_task_name(task, self.store.view.tasks)) if task is not None else None
 
     def subtitle(self) -> StyledLine:
         """What is hidden or filtered, and whether the log follows the newest row."""

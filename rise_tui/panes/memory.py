@@ -14,9 +14,13 @@ from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.log_text import value_rows
 from rise_tui.model.memory_changes import (
+    CHANGE_QUESTION,
     JsonPath,
     NoSuchPath,
+    assignment,
+    changed_key,
     children,
+    condition_change_lines,
     path_text,
     value_at,
     with_removed,
@@ -36,6 +40,7 @@ from rise_tui.rendering.text import (
     format_value,
     json_type_name,
 )
+from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.reading import DetailScreen
 from rise_tui.widgets.memory_editor import PresentValue, RowEditor
 
@@ -210,19 +215,20 @@ class MemoryPane(ListPane):
         key, value = str(path[0]), self._value_at(path)
         if len(path) == 1:
             self.store.last_deletion = (key, value)
-            self.host.send("deleteValue", key)
+            function, behavior = "deleteValue", key
         else:
-            self._assign(key, with_removed(self.store.view.memory[key].value, path[1:]))
-        self.host.show_notice(f"deleting {path_text(path)} = {format_value(value)}; undo (^U) brings it back")
+            function, behavior = assignment(key, with_removed(self.store.view.memory[key].value, path[1:]))
+        self._send(function, behavior, f"deleting {path_text(path)} = {format_value(value)}; undo (^U) brings it back")
 
     def _undo(self) -> None:
         step = self.store.undo_stack.next_step(self.store.view.memory)
         if step.kind == "do" and any(sent.behavior == step.behavior for sent in self.store.sent.values()):
             self.host.show_notice("the last undo is still on its way")
             return
-        self.host.show_notice(step.notice)
         if step.kind == "do":
-            self.host.send(step.function, step.behavior)
+            self._send(step.function, step.behavior, step.notice)
+        else:
+            self.host.show_notice(step.notice)
 
     # --- parts of a value ---------------------------------------------------------------------------------------------
 
@@ -303,7 +309,25 @@ class MemoryPane(ListPane):
                 return
         if self.store.last_deletion is not None and self.store.last_deletion[0] == key:
             self.store.last_deletion = None
-        self._assign(key, value)
+        self._send(*assignment(key, value))
 
-    def _assign(self, key: str, value: Any) -> None:
-        self.host.send("assignValue", json.dumps({key: value}, ensure_ascii=False))
+    def _send(self, function: str, behavior: str, notice: str = "") -> None:
+        """Send a change, after a question if another value than the condition's would be given to one of its keys."""
+
+        key = changed_key(function, behavior)
+        before = self.store.view.memory.get(key)
+
+        def send(answer: str | None = "c") -> None:
+            if not answer:
+                return
+            if self.store.view.memory.get(key) is not before:
+                self.host.show_notice(f"{key} has changed meanwhile: nothing was sent")
+                return
+            self.host.send(function, behavior)
+            if notice:
+                self.host.show_notice(notice)
+
+        if lines := condition_change_lines(self.store.view, function, behavior):
+            self.app.push_screen(Dialog(CHANGE_QUESTION, lines, DialogChoice("c", "Change"), no="Keep"), send)
+        else:
+            send()

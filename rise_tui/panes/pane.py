@@ -17,7 +17,7 @@ from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, line_width
 from rise_tui.requests import ConsoleHost
 from rise_tui.widgets.fields import PromptBar
-from rise_tui.widgets.lines import RowList, RowView, StaticLines
+from rise_tui.widgets.lines import FOCUS_MARK, RowList, RowView, StaticLines
 
 ROW_KEYS = frozenset({"enter", "delete"})
 """Keys for the row under the cursor."""
@@ -43,7 +43,7 @@ class TitleBar(StaticLines):
 
     def show_tabs(self, tabs: tuple[PaneTab, ...]) -> None:
         self.tabs = tabs
-        self.show_note(self._right)
+        self.draw()
 
     def show_note(self, right: StyledLine) -> None:
         self._right = right
@@ -52,7 +52,8 @@ class TitleBar(StaticLines):
         column = 0
         for pane, title in self.tabs:
             own = pane == self._pane
-            text = f" {title.upper()} " if own else f" {title.lower()} "
+            lead = FOCUS_MARK if own and self.has_class("-focused") else " "
+            text = f"{lead}{title.upper()} " if own else f" {title.lower()} "
             spans.append((text, "accent" if own else "muted"))
             self._tab_spans.append((column, column + len(text), pane))
             column += len(text)
@@ -65,8 +66,12 @@ class TitleBar(StaticLines):
                 note = ()
         self.show(align_at_both_ends(tuple(spans), note, self.size.width))
 
-    def on_resize(self, event: events.Resize) -> None:
+    def draw(self) -> None:
+        """Make the line again."""
         self.show_note(self._right)
+
+    def on_resize(self, event: events.Resize) -> None:
+        self.draw()
 
     def on_click(self, event: events.Click) -> None:
         for start, end, pane in self._tab_spans:
@@ -166,10 +171,12 @@ class Pane(Vertical):
     # --- focus and filter ---
 
     def on_descendant_focus(self) -> None:
-        self.title.add_class("-focused")
+        self.title.set_class(True, "-focused")
+        self.title.draw()
 
     def on_descendant_blur(self) -> None:
-        self.title.remove_class("-focused")
+        self.title.set_class(False, "-focused")
+        self.title.draw()
 
     @property
     def filter_text(self) -> str:

@@ -12,7 +12,7 @@ from rise_engine.author.edit.memory import edit_memory_text, memory_file_text
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.study_folder import write_files
 from rise_engine.base.json_codec import json_equal
-from rise_engine.kernel.view import MemoryView
+from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.files.study_paths import DEFAULT_PATHS, why_not_written
 from rise_engine.scenario.model import SESSION, Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
@@ -20,19 +20,18 @@ from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import clean, crop, format_value, plain_text
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
-_SET_AT_START = ("condition", "study")
-"""Sources of values that come from a condition or the study."""
 MAX_NAMED = 8
 """Changes that the question lists."""
 
 
-def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dict[str, Any]:
+def saveable_memory(scenario: Scenario, view: SessionView) -> dict[str, Any]:
     """The memory without values that sessions get elsewhere: the engine's own, and those of a condition.
 
     These keep their start values, if they have any.
     """
     elsewhere = {key for condition in scenario.conditions.values() for key in condition.memory}
-    elsewhere |= {key for key, entry in memory.items() if entry.source in _SET_AT_START}
+    elsewhere |= view.condition_values.keys()
+    memory = view.memory
     if scenario.reads_session:
         elsewhere.add(SESSION)
     saveable = {key: value for key, value in scenario.memory.items() if key in elsewhere or key in memory}
@@ -47,7 +46,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     except EditRefused as why:
         pane.host.show_notice(f"not saved: {why}")
         return
-    memory = saveable_memory(scenario, pane.store.view.memory)
+    memory = saveable_memory(scenario, pane.store.view)
     differing = describe_changes(scenario.memory, memory)
     if not differing:
         pane.host.show_notice("the memory is as it was at the start: nothing to save")

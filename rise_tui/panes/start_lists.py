@@ -8,19 +8,20 @@ from typing import ClassVar
 from rich.cells import cell_len
 from textual import on
 
+from rise_engine.author.drawing.study_keys import key_title
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.control import enter_action
 from rise_tui.model.notice import act_label
-from rise_tui.model.resumption import armed_text
+from rise_tui.model.resumption import act_wordings, start_summary
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
+    READY,
     RUNNING,
     SENT,
     WAITING,
     StateLabel,
-    act_progress,
     act_state,
     is_armed,
     newest_task,
@@ -33,20 +34,27 @@ from rise_tui.rendering.text import (
     StyledLine,
     StyledSpan,
     TextRole,
+    align_at_both_ends,
+    cell_width,
+    crop,
     fit,
     fit_end,
     fixed_span,
-    format_duration,
     format_seconds,
+    line_width,
     shorten,
 )
 from rise_tui.widgets.lines import RowView
 
-STATE_WIDTH = 10
+STATE_WIDTH = 11
+TITLE_SHARE = 0.4
+"""The titles of acts take at most this part of a row."""
 RUNNING_NAME_WIDTH = 24
 """Cells for the name of the running act, in the title of the acts."""
 WIDE = 46
-"""Minimum width for an act's progress and typical duration, and for a rule's state."""
+"""Minimum width for an act's times and a rule's state in words."""
+NAMES_WIDTH = 76
+"""Minimum width for an act's own name beside its title."""
 
 
 def _mark_expected(state: StateLabel, is_expected: bool) -> StateLabel:
@@ -89,12 +97,14 @@ class StartListPane(ListPane):
         role: TextRole = "muted" if self.why_blocked(name) else "key"
         return (f" {fit(binding.label if binding else '', self.key_width)}", role)
 
-    def armed_line(self, name: str) -> StyledLine:
+    def armed_line(self, name: str, width: int) -> StyledLine:
         """The row of a start that needs one more press: what it would do, in place of its name and state."""
         armed = self.store.armed
         if armed is None or not is_armed(self.store, self.FUNCTION, name):
             return ()
-        return (self.key_cell(name), (f"{ARMED.glyph} {armed_text(self.store, armed)}", ARMED.role))
+        again = "enter again" if armed.by_enter else "again"
+        text = f"{ARMED.glyph} {again}: {start_summary(self.store, armed)}"
+        return crop((self.key_cell(name), (text, ARMED.role)), width)
 
     @on(RowView.CursorMoved)
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
@@ -145,46 +155,60 @@ class ActsPane(StartListPane):
         )
 
     def make_rows(self, width: int) -> list[ListRow]:
-        wide = width >= WIDE
-        name_width = width - (1 + self.key_width) - STATE_WIDTH - (16 if wide else 5) - 1
         expected = self._shown_expected = self.expected_names()
-        return [
-            ListRow(name, self.armed_line(name) or self._act_line(name, name_width, wide, name in expected))
-            for name in self.store.scenario.acts
-        ]
+        titles = {name: self._title(name) for name in self.store.scenario.acts}
+        longest = max(map(cell_width, titles.values()), default=0)
+        title_width = min(longest, int(width * TITLE_SHARE))
+        rows = []
+        for name, title in titles.items():
+            wordings = act_wordings(self.store.scenario, name, self.store.memory)
+            line = self.armed_line(name, width) or self._act_line(
+                name, title, title_width, wordings, width, name in expected
+            )
+            rows.append(ListRow(name, line, full=" ".join((self.key_cell(name)[0], title, name, *wordings))))
+        return rows
 
-    def _act_line(self, name: str, name_width: int, wide: bool, is_expected: bool) -> StyledLine:
-        state = _mark_expected(act_state(self.store, name), is_expected)
+    def _title(self, name: str) -> str:
+        """The title of its key, as below the lists, or its name."""
+        key = self.store.key_of(self.FUNCTION, name)
+        return key_title(key) if key is not None else name
+
+    def _act_line(
+        self, name: str, title: str, title_width: int, wordings: list[str], width: int, is_expected: bool
+    ) -> StyledLine:
+        """`p praise  “Very good!” +3  ✓ done`: the key, the title, the words and the number of other wordings."""
         running = bool(self.store.act(name).running)
-        spans: list[StyledSpan] = [
+        head: StyledLine = (
             self.key_cell(name),
-            fixed_span(name, name_width, "strong" if running else "plain"),
-            (" ", "plain"),
-            (f"{state.glyph} ", state.role),
-            fixed_span(state.word, STATE_WIDTH - 2, state.role),
-        ]
-        if wide:
-            spans.append(fixed_span(self._progress_text(name), 5, "muted", right=True))
-        spans.append(
-            fixed_span(self._time_text(name, wide), 11 if wide else 5, "plain" if running else "muted", right=True)
+            fixed_span(title, title_width, "strong" if running else "plain"),
+            ("  ", "plain"),
         )
-        return tuple(spans)
+        end = self._end_span(name, is_expected, wide=width >= WIDE)
+        tail: StyledLine = ((" ", "plain"), end) if end[0] else ()
+        if width >= NAMES_WIDTH and title != name:
+            tail = ((f"  {name}", "muted"), *tail)
+        actions = self.store.scenario.acts[name].actions
+        first = f"“{wordings[0]}”" if wordings else actions[0].calls[0].type if actions else ""
+        more = f" +{len(wordings) - 1}" if len(wordings) > 1 else ""
+        room = width - line_width(head) - line_width(tail) - 2
+        words = shorten(first, room - len(more))
+        shown: StyledLine = (*head, (words, "strong" if running else "muted"), (more, "muted"))
+        return align_at_both_ends(shown, (*tail, (" ", "plain")), width)
 
-    def _progress_text(self, name: str) -> str:
+    def _end_span(self, name: str, is_expected: bool, *, wide: bool) -> StyledSpan:
+        """The state of an act, with its elapsed and typical time while it runs; before its first start, what is special
+        about it."""
+        state = _mark_expected(act_state(self.store, name), is_expected)
         task = newest_task(self.store, name)
-        if task is not None and task.status == "ACTIVE":
-            done, total = act_progress(self.store.scenario.acts[name], task)
-            return f"{done}/{total}"
-        settings = self.store.scenario.settings_of(name)
-        return "hold" if settings.hold else "fill" if settings.filler else ""
-
-    def _time_text(self, name: str, wide: bool) -> str:
-        """While it runs, elapsed and typical time; otherwise, if there is room, the typical time."""
-        task, typical = newest_task(self.store, name), self.store.typical_seconds(name)
-        if task is not None and task.status == "ACTIVE":
+        text = state.word
+        if state is RUNNING and task is not None and wide:
+            typical = self.store.typical_seconds(name)
             elapsed = format_seconds(self.store.now() - (task.started or 0.0))
-            return f"{elapsed}/{format_seconds(typical)}" if wide and typical is not None else elapsed
-        return f"~{format_duration(typical)}" if wide and typical is not None else ""
+            text += f" {elapsed}/{format_seconds(typical)}" if typical is not None else f" {elapsed} s"
+        elif state is READY:
+            settings = self.store.scenario.settings_of(name)
+            return "hold" if settings.hold else "filler" if settings.filler else "", "muted"
+        return f"{state.glyph} {text}", state.role
 
     def stop(self, name: str) -> None:
         act = self.store.act(name)
@@ -238,7 +262,7 @@ class RulesPane(StartListPane):
                 (f"{state.glyph} ", state.role),
                 (fit(state.word, lead) + text, state.role),
             )
-            rows.append(ListRow(name, self.armed_line(name) or spans))
+            rows.append(ListRow(name, self.armed_line(name, width) or spans))
         return rows
 
     def stop(self, name: str) -> None:

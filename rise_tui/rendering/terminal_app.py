@@ -58,6 +58,8 @@ class TerminalApp(App[Any]):
             self.repaint_everything()
 
     def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
+        if (focused := screen.focused) is not None:  # braille displays and screen readers follow the terminal's cursor
+            self.cursor_position = getattr(focused, "cursor_screen_offset", focused.region.offset)
         if not isinstance(renderable, LayoutUpdate | ChopsUpdate) or self._batch_count:
             super()._display(screen, renderable)
         elif self._is_behind:  # the newest state is painted when the terminal is ready

@@ -1,7 +1,7 @@
 """The themes and their own settings: colours, and attributes for roles and backgrounds without a colour.
 
-There is one accent. Red (orange where red and green look alike) is only for stop and faults, amber for waiting. Words
-repeat the meaning of each colour, so `mono` loses nothing.
+There is one accent. Red (orange or violet where red and green look alike) is only for stop and faults, amber for
+waiting. Words repeat the meaning of each colour, so `mono` loses nothing.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from textual.color import Color
 from textual.theme import Theme
 
 ATTRIBUTES: Mapping[str, str] = MappingProxyType(
@@ -42,27 +43,28 @@ def _style_variables(names: Mapping[str, str]) -> dict[str, str]:
     return {f"rise-{name}-style": style for name, style in names.items()}
 
 
-_COLORED = ("dark", "light", "contrast", "colorblind")
+_COLORED = ("dark", "light", "contrast", "colorblind", "colorblind-light")
 _COLORS = {
-    "text": ("#d7dce2", "#1f242b", "#ffffff", "#e4e6e8"),
-    "muted": ("#8b95a3", "#5c6570", "#c8c8c8", "#98a0a8"),
-    "accent": ("#8ab4f8", "#1b57b0", "#6cd4ff", "#6fbaf2"),
-    "wait": ("#e5b567", "#7a4900", "#ffd24a", "#faf29a"),
-    "fault": ("#ff7d7d", "#b3161b", "#ff8c8c", "#ff8528"),
-    "on-alarm": ("#1a0505", "#ffffff", "#000000", "#140a00"),
-    "background": ("#12151a", "#fbfbf9", "#000000", "#101418"),
-    "surface": ("#181c22", "#f3f3ef", "#000000", "#171c21"),
-    "panel": ("#222831", "#e8e8e2", "#1a1a1a", "#20272e"),
-    "cursor": ("#29374d", "#cfe0f7", "#003d66", "#1f3a55"),
-    "cursor-away": ("#20262f", "#e6e9ec", "#2b2b2b", "#1f262d"),
-    "bar": ("#1d232b", "#e9eaea", "#262626", "#1c2229"),
-    "bar-focused": ("#223852", "#bcd3f2", "#00436e", "#163650"),
-    "scrollbar": ("#39424e", "#b9bfc6", "#8a8a8a", "#3a444e"),
-    "selection": ("#8ab4f8 35%", "#1b57b0 30%", "#6cd4ff 45%", "#6fbaf2 35%"),
+    "text": ("#d7dce2", "#1f242b", "#ffffff", "#e4e6e8", "#1f242b"),
+    "muted": ("#99a2af", "#505862", "#c8c8c8", "#a0a7af", "#505862"),
+    "accent": ("#7fb2f5", "#1b4fb0", "#6cd4ff", "#6fbaf2", "#053cc6"),
+    "wait": ("#e8c456", "#6b5600", "#ffd24a", "#f2c70f", "#665021"),
+    "fault": ("#fa7b80", "#7d0514", "#ff8c8c", "#f98046", "#810a7d"),
+    "on-alarm": ("#1a0505", "#ffffff", "#000000", "#140a00", "#ffffff"),
+    "background": ("#12151a", "#fbfbf9", "#000000", "#101418", "#fbfbf9"),
+    "surface": ("#181c22", "#f3f3ef", "#000000", "#171c21", "#f3f3ef"),
+    "panel": ("#222831", "#e8e8e2", "#1a1a1a", "#20272e", "#e8e8e2"),
+    "cursor": ("#29374d", "#cfe0f7", "#003d66", "#1f3a55", "#cfe0f7"),
+    "cursor-away": ("#20262f", "#e6e9ec", "#2b2b2b", "#1f262d", "#e6e9ec"),
+    "bar": ("#1d232b", "#e9eaea", "#262626", "#1c2229", "#e9eaea"),
+    "bar-focused": ("#223852", "#bcd3f2", "#00436e", "#163650", "#bcd3f2"),
+    "scrollbar": ("#39424e", "#b9bfc6", "#8a8a8a", "#3a444e", "#b9bfc6"),
+    "selection": ("#7fb2f5 35%", "#1b4fb0 30%", "#6cd4ff 45%", "#6fbaf2 35%", "#053cc6 30%"),
 }
 """The colours of these themes. `background`, `surface`, `panel`: behind the screen, the panes on it, and dialogs.
 
-`colorblind` has blue, yellow and orange, which everybody can distinguish: no two of them differ only in red and green.
+No two of accent, waiting and fault differ only in red and green. `light` is the weakest for eyes that see few colours:
+on a light ground, red must be dark. `colorblind-light` has violet instead.
 """
 
 
@@ -72,7 +74,7 @@ def _colored_theme(name: str) -> Theme:
     text, accent, background = colors["text"], colors["accent"], colors["background"]
     return Theme(
         name=f"rise-{name}",
-        dark=name != "light",
+        dark=not name.endswith("light"),
         primary=accent,
         secondary=accent,
         accent=accent,
@@ -85,6 +87,8 @@ def _colored_theme(name: str) -> Theme:
         error=colors["fault"],
         variables={
             **{f"rise-{role}": colors[role] for role in _OWN},
+            "rise-wait-ground": _tinted(background, colors["wait"]),
+            "rise-fault-ground": _tinted(background, colors["fault"]),
             "input-cursor-background": accent,
             "input-selection-background": colors["selection"],
             "scrollbar": colors["scrollbar"],
@@ -97,13 +101,20 @@ def _colored_theme(name: str) -> Theme:
 
 _OWN = ("muted", "cursor", "cursor-away", "on-alarm", "bar", "bar-focused")
 """The colours that only our own widgets use."""
-DARK, LIGHT, CONTRAST, COLORBLIND = map(_colored_theme, _COLORED)
+
+
+def _tinted(background: str, color: str) -> str:
+    """The ground of a bar that reports something: a little of its colour."""
+    return Color.parse(background).blend(Color.parse(color), 0.18).hex
+
+
+DARK, LIGHT, CONTRAST, COLORBLIND, COLORBLIND_LIGHT = map(_colored_theme, _COLORED)
 
 
 def _uncolored_theme(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
     """A theme on the terminal's own background."""
     own = "ansi_default"
-    grounds = ("cursor", "cursor-away", "bar", "bar-focused")
+    grounds = ("cursor", "cursor-away", "bar", "bar-focused", "wait-ground", "fault-ground")
     widgets = (
         *("surface", "panel", "boost", "ansi-background", "ansi-foreground"),
         *("border", "border-blurred", "block-cursor-foreground", "block-cursor-background", "foreground-muted"),
@@ -170,11 +181,11 @@ TERMINAL = _uncolored_theme(
 """The terminal's own colours. Waiting is magenta: of the sixteen colours, only magenta and red are readable on white
 and on black."""
 
-THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, MONO, TERMINAL)
+THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, COLORBLIND_LIGHT, MONO, TERMINAL)
 WHITE, BLACK = "#ffffff", "#000000"
 """The colours of a mark for cameras in every theme: the strongest contrast of a terminal."""
 NAMES = tuple(theme.name.removeprefix("rise-") for theme in THEMES)
-"""The names for the command line: dark, light, contrast, colorblind, mono, terminal."""
+"""The names for the command line."""
 DEFAULT = "dark"
 
 

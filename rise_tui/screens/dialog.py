@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import ClassVar, Generic, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, runtime_checkable
 
 from textual import events, on
-from textual.app import ComposeResult
+from textual.app import App, ComposeResult
 from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -31,15 +31,57 @@ from rise_tui.model.resumption import (
     step_lines,
 )
 
+MIN_HEIGHT = 12
+"""Rows that an overlay gets, even if rows that should stay in view are covered."""
+
+
+@runtime_checkable
+class KeepsRows(Protocol):
+    """A screen whose first rows stay in view above overlays."""
+
+    @property
+    def kept_rows(self) -> int: ...
+
 
 class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType]):
-    """A modal screen whose second `dismiss` has no effect.
+    """A modal screen below the rows of a console that always stay in view: alarms, the robot's speech and what is next.
 
-    Textual's own removes the top screen. A second key before the screen has gone would remove the console below.
+    A second `dismiss` has no effect. Textual's own removes the top screen. A second key before the screen has gone
+    would remove the console below.
     """
+
+    DEFAULT_CSS = "SingleDismissModal { background: transparent; }"
+    KEEPS_ROWS: ClassVar[bool] = True
+    """Whether its box is placed below these rows. False: this screen shows something on the one below."""
+
+    def on_mount(self) -> None:
+        self.place_box()
+
+    def on_resize(self) -> None:
+        self.place_box()
+
+    def place_box(self) -> None:
+        """Put the box below the kept rows."""
+        kept = self._kept_rows()
+        for box in self.query("#box") if self.KEEPS_ROWS else ():
+            box.styles.margin = (kept, 0, 0, 0)
+            box.styles.max_height = self.app.size.height - kept
+
+    def _kept_rows(self) -> int:
+        """The rows that stay in view, while there is room for this screen below them."""
+        below = next((each for each in reversed(self.app.screen_stack) if not isinstance(each, ModalScreen)), None)
+        kept = below.kept_rows if isinstance(below, KeepsRows) else 0
+        return min(kept, max(0, self.app.size.height - MIN_HEIGHT))
 
     def dismiss(self, result: ScreenResultType | None = None) -> AwaitComplete:
         return super().dismiss(result) if self.is_active else AwaitComplete.nothing()  # type: ignore[no-untyped-call]
+
+
+def place_overlays(app: App[Any]) -> None:
+    """Put the boxes of all overlays below the kept rows, which have changed."""
+    for screen in app.screen_stack:
+        if isinstance(screen, SingleDismissModal):
+            screen.place_box()
 
 
 class TitledBox(Vertical):

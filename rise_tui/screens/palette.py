@@ -30,7 +30,7 @@ from rise_tui.actions import (
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
-from rise_tui.model.resumption import start_summary
+from rise_tui.model.resumption import act_wordings, start_summary
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
 from rise_tui.rendering.text import (
@@ -142,6 +142,8 @@ class PaletteCommand(NamedTuple):
     """The theme to show while the cursor is on the line."""
     acts: bool = False
     """Whether it changes the session or the robot without a further question."""
+    words: str = ""
+    """What the robot may say, to search for."""
 
 
 def palette_commands(
@@ -200,7 +202,9 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
             action, key = start_action(scenario, function, name), store.key_of(function, name)
             waited = "; a running rule waits for it" if name in expected else ""
             help = f"{start_summary(store, action)}{_author_title(key)}{waited}"
-            yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action), acts=True)
+            words = " ".join(act_wordings(scenario, name, store.memory)) if kind == "act" else ""
+            label = key.label if key else ""
+            yield PaletteCommand(name, kind, label, help, why, partial(start, action), acts=True, words=words)
     for key in scenario.keys.values():
         action = action_of_key(scenario, key)
         if key.function == EVENT and normal_topic(key.behavior) not in expected_inputs.events:
@@ -248,7 +252,7 @@ def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[P
                 spans = [span for span in wanted.match_spans(named) if span[1] <= len(command.title)]
                 start, end = (spans[0][0], spans[-1][1]) if spans else (len(named), len(named))
                 ranked.append(((0, len(spans) or 1, end - start, start), PaletteHit(command, spans)))
-            elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
+            elif wanted.matches(f"{command.key} {command.kind} {command.title}  {command.help} {command.words}"):
                 ranked.append(((1,), PaletteHit(command)))
         return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
     except InvalidFilter:  # an unfinished expression
@@ -266,7 +270,7 @@ class Palette(SearchDialog[PaletteCommand]):
 
     DEFAULT_CSS = """
     Palette #box { max-width: 92; height: auto; }
-    Palette FoundList { height: 16; }
+    Palette FoundList { height: 13; }
     """
 
     def __init__(self, commands: Sequence[PaletteCommand], placeholder: str) -> None:

@@ -121,6 +121,10 @@ class KeyHints(StaticLines):
         ]
         self.show_pieces(pieces)
 
+    def draw_covered(self, store: Store) -> None:
+        """Draw the hints below an overlay, which has its own keys."""
+        self.show_pieces([(_stop_hint(store), "stop"), (_key_and_text("esc", "closes what is open"), "")])
+
     def draw_typing(self, store: Store, enter: str) -> None:
         """Draw the hints for a text field, in which only the stop key works. `enter`: the effect of Enter."""
         self.show_pieces(
@@ -299,7 +303,7 @@ class AlarmBar(StoreLines):
     """Shown while there is a fault that every wizard must know."""
 
     DEFAULT_CSS = """
-    AlarmBar { height: auto; background: $error 18%; display: none; }
+    AlarmBar { height: auto; background: $rise-fault-ground; display: none; }
     AlarmBar.-on { display: block; }
     """
 
@@ -320,7 +324,7 @@ class AttentionBar(StoreLines):
     """One-row lines: a question about control or its loss, a degraded robot, a recorder that does not record."""
 
     DEFAULT_CSS = """
-    AttentionBar { height: 1; background: $warning 18%; display: none; }
+    AttentionBar { height: 1; background: $rise-wait-ground; display: none; }
     AttentionBar.-on { display: block; }
     AttentionBar.-two { height: 2; }
     AttentionBar.-three { height: 3; }
@@ -365,7 +369,7 @@ class FailureBar(StoreLines):
     """A failed act and its unspoken text. It stays until it is answered, or the act is repeated."""
 
     DEFAULT_CSS = """
-    FailureBar { height: auto; background: $error 18%; display: none; }
+    FailureBar { height: auto; background: $rise-fault-ground; display: none; }
     FailureBar.-on { display: block; }
     """
 

@@ -17,7 +17,7 @@ from rich.style import Style
 from textual import events
 from textual.binding import Binding, BindingType
 from textual.color import Color
-from textual.geometry import Region, Size
+from textual.geometry import Offset, Region, Size
 from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
@@ -143,6 +143,8 @@ class StoreLines(StaticLines):
         """Make the lines again from the store."""
 
 
+FOCUS_MARK = "▌"
+"""The first cell of what has the focus: its contrast is at least 3 to 1, which a background cannot reach under text."""
 DISPLACED_SECONDS = 0.7
 """Seconds after the cursor's row has vanished in which the row now under the cursor cannot have been read."""
 
@@ -218,7 +220,20 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         width = self.size.width
         if not 0 <= index < self.count:
             return self.to_strip((), width)
-        return self.to_strip(self.row_at(index).line, width, self.background_of(index))
+        return self.row_strip(index, self.row_at(index).line)
+
+    def row_strip(self, index: int, line: StyledLine) -> Strip:
+        """A row on its background. The cursor's row begins with the mark of the focus, if its first cell is blank."""
+        if index == self.cursor and self.has_focus and line and line[0][0].startswith(" "):
+            (text, role), *rest = line
+            line = ((FOCUS_MARK, "accent"), (text[1:], role), *rest)
+        return self.to_strip(line, self.size.width, self.background_of(index))
+
+    @property
+    def cursor_screen_offset(self) -> Offset:
+        """The first cell of the cursor's row on the screen. The terminal's own cursor is put there."""
+        row = min(max(0, self.cursor - self.scroll_offset.y), self.size.height)
+        return self.content_region.offset + Offset(0, row)
 
     def background_of(self, index: int) -> str:
         """The theme variable of a row's background; empty: the list's own."""

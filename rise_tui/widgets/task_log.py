@@ -49,7 +49,7 @@ class TaskLog(RowView):
         if not 0 <= index < self._shown:
             return self.to_strip((), self.size.width)
         line = self._lines.get(index) or self._make_line(self.ids[index], self.row_width)
-        return self.to_strip(line, self.size.width, self.background_of(index))
+        return self.row_strip(index, line)
 
     def on_resize(self, event: events.Resize) -> None:
         self._lines.clear()

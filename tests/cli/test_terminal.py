@@ -25,7 +25,7 @@ from rise_engine.cli.session.sessions import print_sessions
 from rise_engine.cli.session.transcript import Output
 from rise_engine.cli.terminal import CleanStream, Refused, escape_json
 from rise_engine.kernel.records import NoteRecord
-from rise_engine.run.protocol.messages import SessionSummary
+from rise_engine.run.protocol.messages import VERSION, SessionSummary
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
 from tests.cli.processes import engine, folder
@@ -137,7 +137,7 @@ def test_json_keeps_every_character_and_is_safe_to_look_at(evil: Path) -> None:
 
 
 def test_running_sessions_are_listed_clean(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    numbers = {"version": 3, "seed": 1, "t": 1.0, "seq": 1, "busy": True, "stopped": False, "clients": [EVIL]}
+    numbers = {"version": VERSION, "seed": 1, "t": 1.0, "seq": 1, "busy": True, "stopped": False, "clients": [EVIL]}
     texts = ("title", "mode", "robot", "scenario_folder", "scenario_hash", "folder", "control", "trouble")
     about = SessionSummary(**numbers, **dict.fromkeys(texts, EVIL))
     monkeypatch.setattr("rise_engine.cli.session.sessions.all_running_sessions", lambda: {"one": about})

@@ -238,12 +238,24 @@ def events_raised_by(rule: Rule) -> frozenset[str]:
     return frozenset(map(normal_topic, raised))
 
 
-def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
-    """Yield every function of a block, and whether it always runs, whatever the memory and chance."""
+def functions_in(
+    block: Block | tuple[Statement, ...], *, sure: bool = True, memory: Mapping[str, Any] | None = None
+) -> Iterator[tuple[Function, bool]]:
+    """Yield every function of a block, and whether it always runs, whatever chance and the memory have.
+
+    With `memory`, the block runs with these values: branches that do not hold are left out, until a function may have
+    changed a value.
+    """
     for statement in block:
         match statement:
             case Function():
                 yield statement, sure
+                memory = memory if statement.name in ("startCommunicationRobotAct", "raiseEventTopic") else None
+            case If() if memory is not None:
+                held = (branch.block for branch in statement.branches if is_met(branch.condition, memory))
+                for function, certain in functions_in(next(held, ()), sure=sure, memory=memory):
+                    yield function, certain
+                    memory = None if function.assignment is not None else memory
             case If():
                 for branch in statement.branches:
                     yield from functions_in(branch.block, sure=False)

@@ -37,6 +37,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
 )
+from rise_engine.kernel.view import SET_AT_START
 from rise_engine.results.analysis.model import (
     Interruption,
     InterruptionKind,
@@ -188,10 +189,6 @@ _BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
 """Does not match stops of everything, which do not repair an act."""
 
 
-_CONDITION_SOURCES = frozenset({"study", "condition"})
-"""Sources of the initial memory values of a condition."""
-
-
 class _Open(Struct):
     """The current state of a rule."""
 
@@ -306,7 +303,7 @@ class ConditionCollector:
         if not isinstance(record, MemoryRecord):
             return
         key = record.key.partition(".")[0].partition("[")[0]
-        if record.source in _CONDITION_SOURCES:
+        if record.source in SET_AT_START:
             self._given[record.key] = record.value
         elif key in self._given and actor_of(record.source) == "wizard":
             is_same = key == record.key and not record.deleted and record.value == self._given[key]

@@ -41,7 +41,7 @@ from rise_engine.kernel.view import (
 )
 from rise_engine.run.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
-VERSION = 3
+VERSION = 4
 """Raised with every change of a message, also for an additional field, which an older console would not show."""
 MAX_LINE_BYTES = 1_048_576
 """Maximum bytes of a client's line. A longer line ends its connection."""
@@ -125,6 +125,8 @@ class ViewWithoutTasks(Struct, frozen=True):
     repeats: dict[int, float | None] = field(default_factory=dict)
     kept: dict[int, KeptView] = field(default_factory=dict)
     memory_log: MemoryLog = field(default_factory=MemoryLog)
+    condition_values: dict[str, Any] = field(default_factory=dict)
+    overridden: dict[str, str] = field(default_factory=dict)
     wizard: str = ""
     remarks: list[RemarkView] = []
     forgotten: int = 0

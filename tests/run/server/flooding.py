@@ -11,6 +11,8 @@ import logging
 import sys
 from contextlib import suppress
 
+from rise_engine.run.protocol.messages import VERSION
+
 logging.getLogger("asyncio").setLevel(logging.ERROR)  # it writes to connections that are cut
 PATH = sys.argv[1]
 MESSAGES, CONNECTIONS = 1000, 200
@@ -29,7 +31,7 @@ sent = {"connections": 0, "messages": 0}
 async def attach(role: str = "node") -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
     reader, writer = await asyncio.open_unix_connection(PATH)
     sent["connections"] += 1
-    writer.write(json.dumps({"type": "attach", "version": 3, "name": "flood", "role": role}).encode() + b"\n")
+    writer.write(json.dumps({"type": "attach", "version": VERSION, "name": "flood", "role": role}).encode() + b"\n")
     return reader, writer
 
 

@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 from textual.geometry import Region
 
-from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
+from rise_engine.kernel.records import CueRecord, MemoryRecord, RobotRecord, SessionRecord
 from rise_engine.run.protocol.client import Heartbeat, JournalStatus, UnrecordedStop
 from rise_engine.scenario.model import Condition
 from rise_tui.model.status import session_title, status_line
@@ -102,6 +102,19 @@ def test_the_condition_is_there_whatever_else_is_to_be_said(width: int) -> None:
     assert "P07" in text(store, width) and "cue 2.2 s" in text(store, width)
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_condition_that_was_changed_by_hand_says_so_whatever_else_is_to_be_said(width: int) -> None:
+    store = made(condition="no hesitation")
+    for source in ("condition", "wizard:anna"):
+        store.view.apply(MemoryRecord(99, 0.0, "", "quiet", source, None, source))
+    late_cue(store)
+    assert "≠ changed" in session_title(store)
+    assert ("≠ changed" if width >= 80 else "≠") in text(store, width)
+    assert "P07" in text(store, width) and "cue 2.2 s" in text(store, width)
+    store.view.session = replace(store.view.session, participant="Participant0123", condition=12 * "hesitation ")
+    assert ("≠ changed" if width >= 80 else "≠") in text(store, width)
+
+
 @pytest.mark.parametrize(
     ("participant", "condition", "widths"),
     [
@@ -137,13 +150,13 @@ def test_the_condition_is_shown_by_its_label() -> None:
         assert session_title(store) == f"P07 · {shown} · Demo study"
 
 
-@pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, False), (120, True), (200, True)])
+@pytest.mark.parametrize(("width", "stopped"), [(80, False), (100, True), (120, True), (200, True)])
 def test_who_watches_sees_that_it_is_stopped_before_room_is_kept_for_a_cue(width: int, stopped: bool) -> None:
     """In a narrow window the red bar says it alone."""
     client = FakeClient(demo(), you="observer:ben", role="observer")
     client.stop("latched", ("speech",))
     shown = text(made(client), width)
-    assert "WATCHING · anna has control" in shown and ("STOPPED" in shown) is stopped
+    assert "WATCHING · anna" in shown and ("STOPPED" in shown) is stopped
     assert "P07" in shown
 
 
@@ -226,3 +239,20 @@ def test_a_robot_that_has_just_come_back_was_just_heard_of() -> None:
     assert "✗ lost 42.0 s" in text(store, 200)
     store.apply([RobotRecord(99, store.now(), "", "connected", "")])
     assert "● connected <2 s" in text(store, 200)
+
+
+@pytest.mark.parametrize("width", WIDTHS[1:])
+@pytest.mark.parametrize("holder", ["wizard:anna", "wizard:ben"])
+def test_whether_it_is_recorded_is_never_cut(width: int, holder: str) -> None:
+    for options in ({"holder": holder}, {"holder": holder, "role": "observer", "you": "observer:bob"}):
+        store = made(FakeClient(demo(), **options))  # type: ignore[arg-type]
+        assert "REC" in text(store, width)
+        late_cue(store)
+        assert "REC" in text(store, width)
+
+
+def test_what_a_gone_engine_said_about_the_robot_is_not_shown_as_true() -> None:
+    store = made()
+    assert "connected" in text(store, 120)
+    store.gone_reason = "the engine has gone"
+    assert "● connected" not in text(store, 120) and "○ not known" in text(store, 120)

@@ -18,7 +18,7 @@ from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import MAX_REMARKS, SessionView
 from rise_tui.config.preferences import Preferences
 from rise_tui.console.layout import UiState
-from rise_tui.model.log_rows import ROWS_PER_TASK, LogRows, row_of, task_of
+from rise_tui.model.log_rows import LogRows, row_of, task_of
 from rise_tui.panes.log import LogPane
 from rise_tui.panes.log_export import rows_of
 from tests.tui.conftest import Console, console
@@ -88,7 +88,19 @@ def test_more_notes_than_anybody_writes_are_bounded() -> None:
     view = SessionView()
     for number in range(MAX_REMARKS + 10):
         view.apply(NoteRecord(number, 1.0, "", "x" * 5000, "wizard:anna"))
-    assert len(view.remarks) == MAX_REMARKS < ROWS_PER_TASK and all(len(remark.text) == 1000 for remark in view.remarks)
+    assert len(view.remarks) == MAX_REMARKS and all(len(remark.text) == 1000 for remark in view.remarks)
+
+
+def test_the_log_goes_on_after_any_number_of_remarks_without_a_task() -> None:
+    """A robot's link may come and go for hours. The log once stopped after 4,095 remarks, and said that it followed."""
+    view, rows = SessionView(), LogRows()
+    rows.rebuild(view)
+    for number in range(10_000):
+        view.apply(NoteRecord(number, float(number), "", f"note {number}", "wizard:anna"))
+        rows.add_remark(view.remarks[-1])
+    shown = [rows.task_at(row, view) for row in rows.all]
+    assert [task.behavior for task in shown if task is not None] == [f"note {number}" for number in range(10_000)]
+    assert rows.main == rows.all == sorted(set(rows.all))
 
 
 @pytest.mark.slow
@@ -169,3 +181,14 @@ async def test_a_key_that_came_too_early_is_seen_although_a_rule_raised_its_even
         it.client.emit(EventRecord(0, 0.0, "", "/repeat", "rule:Again", None))
         await it.until(lambda: len(texts(it)) == 3)
         assert "/repeat - not taken" in texts(it)[1]
+
+
+async def test_a_row_names_the_task_that_it_is_about_and_the_value_that_it_sets() -> None:
+    async with console(size=(120, 40)) as it:
+        greeting = it.client.act("Greet", "SUCCEEDED")
+        it.client.task("markMistake", f"{greeting} wrong", "SUCCEEDED")
+        it.client.task("assignValue", '{"quiet": false, "side": "left"}', "SUCCEEDED")
+        await it.until(lambda: len(texts(it)) == 3)
+        assert "mistake Greet wrong" in texts(it)[1] and "set quiet = false, s…" in texts(it)[2]
+        pane_of(it).set_filter("greet")
+        await it.until(lambda: len(texts(it)) == 2)

@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from textual.widgets import Input
+from textual.widgets import Input, Static
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import Condition, Table
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import why_unavailable
+from rise_tui.model.memory_changes import CHANGED
 from rise_tui.model.store import Store
 from rise_tui.panes.memory import MAX_PARTS, MemoryPane
 from rise_tui.screens.dialog import Dialog
@@ -101,6 +102,51 @@ async def test_undo_brings_the_old_value_back_and_overwrites_nobody_silently() -
         assert it.client.sent == []
         await it.press("ctrl+u")
         await it.sent("assignValue", '{"side": "left"}')
+
+
+# --- values of the condition ------------------------------------------------------------------------------------------
+
+
+async def test_a_value_of_the_condition_changes_after_a_question_and_the_title_tells() -> None:
+    async with console() as it:
+        remember(it, "quiet", True, "condition")
+        await at(it, "quiet")
+        remember(it, "quiet", False, "rule:Main")
+        remember(it, "quiet", True, "wizard:bob")
+        await it.until(lambda: "wizard:bob" in it.row("memory", "quiet"))
+        assert CHANGED not in it.bars.status_line.text, "a rule may change it, and anybody may restore it"
+        for keys, answer in ((("delete",), "escape"), (("enter", "false", "enter"), "escape")):
+            await change(it, keys)
+            await it.shows(Dialog)
+            await it.press(answer)
+        assert it.client.sent == []
+        await change(it, ("enter", "false", "enter"))
+        await it.shows(Dialog)
+        remember(it, "quiet", True, "rule:Main")
+        await it.press("c")
+        await it.until(lambda: "quiet has changed meanwhile: nothing was sent" in it.notice)
+        assert it.client.sent == []
+        await change(it, ("enter", "false", "enter"))
+        await it.shows(Dialog)
+        assert "The condition set quiet to true at the start." in str(it.app.screen.query_one("#lines", Static).content)
+        await it.press("c")
+        await it.sent("assignValue", '{"quiet": false}')
+        remember(it, "quiet", False, "wizard:anna")
+        await it.until(lambda: CHANGED in it.bars.status_line.text)
+        it.client.sent.clear()
+        await change(it, ("enter", "maybe", "enter"))
+        await it.sent("assignValue", '{"quiet": "maybe"}')
+        remember(it, "quiet", True, "wizard:anna")
+        await it.until(lambda: CHANGED not in it.bars.status_line.text)
+
+
+async def change(it: Console, keys: tuple[str, ...]) -> None:
+    """Press these keys; what is no key is typed."""
+    for key in keys:
+        if key in ("enter", "delete"):
+            await it.press(key)
+        else:
+            await typed(it, key)
 
 
 # --- conflicts -------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli.terminal import Refused
-from rise_engine.run.protocol.messages import SessionSummary
+from rise_engine.run.protocol.messages import VERSION, SessionSummary
 from rise_tui.cli.command_line import CommandLine, check_matches, choose_recovery, choose_session
 from rise_tui.cli.main import main
 from tests.tui.fake import DEMO
@@ -20,7 +20,7 @@ from tests.tui.terminals import environment_of, run_rise_tui
 
 def about(**given: Any) -> SessionSummary:
     usual: dict[str, Any] = {
-        "version": 3,
+        "version": VERSION,
         "title": "LabLinking",
         "mode": "debug",
         "robot": "pepper",
@@ -56,8 +56,12 @@ class Typist:
 
 
 SEVERAL = {
-    "lablinking-2fd404": about(),
-    "greeting-a1b2c3": about(title="Greeting", mode="real", robot="floka", t=61.0, control=None, clients=[]),
+    "lablinking-2fd404": about(
+        participant="P07", condition="calm", folder="/home/anna/rise-sessions/2026-11-21_141503_P07"
+    ),
+    "greeting-a1b2c3": about(
+        title="Greeting", mode="real", robot="floka", t=61.0, control=None, clients=[], scenario_folder="/s"
+    ),
     "stuck-000000": None,
 }
 ONE = [("/s/2026-11-21_141503_demo_debug", "Demo (debug, pepper), begun 2026-11-21 14:15")]
@@ -81,10 +85,14 @@ def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
     assert choose_session(SEVERAL, typist) == "greeting-a1b2c3"
     assert typist.questions == 4, "nothing is taken by default"
     rows = [line for line in typist.said if line.startswith("  ")]
-    assert rows[0].split() == ["1", "LabLinking", "DEBUG", "pepper", "for", "14", "min", "anna", "has", "control"]
-    assert rows[1].split() == ["2", "Greeting", "REAL", "floka", "for", "1", "min", "nobody", "has", "control"]
-    assert "stuck-000000" in rows[2] and "does not answer" in rows[2]
-    assert len({row.index(word) for row, word in zip(rows, ("DEBUG", "REAL"), strict=False)}) == 1
+    assert [" ".join(row.split()) for row in rows] == [
+        "1 P07 · calm LabLinking DEBUG pepper for 14 min",
+        "anna has control · /home/anna/rise-sessions/2026-11-21_141503_P07",
+        "2 nobody named Greeting REAL floka for 1 min",
+        "nobody has control · /s",
+        "3 stuck-000000 does not answer",
+    ]
+    assert rows[0].index("DEBUG") == rows[2].index("REAL") and rows[1].index("anna") == rows[0].index("P07")
 
 
 def test_several_sessions_and_several_consoles() -> None:

@@ -148,7 +148,7 @@ def test_completions(shell: str, tmp_path: Path) -> None:
             ask += f"COMP_WORDS=({words}); COMP_CWORD={len(words.split()) - 1}; COMPREPLY=()\n"
             ask += "_rise_tui_completion rise-tui; echo ${COMPREPLY[@]}\n"
         told = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True, cwd=ROOT)
-        assert told.stdout.split() == ["--theme", "colorblind", "info"]
+        assert told.stdout.split() == ["--theme", "colorblind", "colorblind-light", "info"]
 
 
 # --- info -------------------------------------------------------------------------------------------------------------

@@ -48,7 +48,7 @@ async def test_acts_and_rules_are_started_followed_and_stopped() -> None:
         client.action(task, "Greet", "1", "Speech", "started", message="Hello Ada!")
         client.action(task, "Greet", "2", "Animation", "succeeded", value="head_nod")
         client.time += 2.1
-        await it.until(lambda: "1/4" in it.row("acts", "Greet") and "2.1/" in it.row("acts", "Greet"))
+        await it.until(lambda: "2.1/" in it.row("acts", "Greet"))
         client.end_task(task, "Greet", "ABORTED", "the robot refused action 1")
         await it.until(lambda: "✗ failed" in it.row("acts", "Greet"))
         await it.until(lambda: "the robot refused action 1" in it.bars.failure_bar.text)

@@ -109,7 +109,7 @@ async def test_locking_closes_what_is_open_unanswered_and_forgets_what_was_begun
         await it.press("f2", "down")
         await it.until(lambda: "Again cannot be started: it is already running" in it.notice)
         await it.press("f2", "b")
-        await it.until(lambda: "Goodbye: the same key again, or enter: " in it.text("acts"))
+        await it.until(lambda: "! again: “Goodbye" in it.text("acts"))
         await it.press("ctrl+x", "ctrl+x", "enter", "enter")
         await it.sent("startCommunicationRobotAct", "Greet")  # the selected row, and not the armed act
         assert ("startCommunicationRobotAct", "Goodbye") not in it.client.asked()

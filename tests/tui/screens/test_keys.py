@@ -90,7 +90,7 @@ async def test_a_key_takes_away_what_has_been_read_and_nothing_that_has_not_been
 
 async def armed(it: Console) -> None:
     await it.press("b")
-    await it.until(lambda: "Goodbye: the same key again, or enter: " in it.text("acts"))
+    await it.until(lambda: "! again: “Goodbye" in it.text("acts"))
 
 
 async def test_what_is_pasted_pressed_twice_or_once_too_little_starts_nothing() -> None:

@@ -18,6 +18,7 @@ from tests.tui.fake import FakeClient, demo
 @pytest.mark.parametrize(
     ("size", "layout"),
     [
+        *(((50, 15), "column"), ((60, 20), "column"), ((69, 24), "column")),
         *(((70, 20), "one"), ((79, 60), "one"), ((120, 23), "one"), ((80, 24), "two"), ((100, 30), "two")),
         *(
             ((120, 40), "two"),
@@ -33,7 +34,7 @@ def test_the_layout_by_size(size: tuple[int, int], layout: str) -> None:
     assert layout_for(*size) == layout and not is_too_small(*size)
 
 
-@pytest.mark.parametrize("size", [(69, 24), (80, 19), (60, 20), (20, 5)])
+@pytest.mark.parametrize("size", [(49, 24), (80, 14), (40, 12), (20, 5)])
 def test_too_small(size: tuple[int, int]) -> None:
     assert is_too_small(*size)
 
@@ -146,22 +147,39 @@ def sentences(width: int, height: int, *, stopped: bool = False) -> list[str]:
 
 
 def test_a_small_window_says_what_is_needed() -> None:
-    said = " ".join(sentences(60, 20))
-    assert "This window has 60 x 20 cells; the console needs 70 x 20." in said
+    said = " ".join(sentences(40, 12))
+    assert "This window has 40 x 12 cells; the console needs 50 x 15." in said
     assert "F9 stops everything, ctrl+c leaves. No other key works here." in said
     assert "The session goes on." in said
 
 
 def test_a_stop_is_seen_there_too() -> None:
-    assert "STOPPED" in sentences(60, 20, stopped=True)[0]
+    assert "STOPPED" in sentences(40, 12, stopped=True)[0]
     assert "STOPPED" in sentences(20, 3, stopped=True)[0]
+
+
+async def test_a_narrow_window_shows_one_list_or_pane_at_a_time_and_keys_work() -> None:
+    async with console(size=(60, 20)) as it:
+        assert visible(it) == {"acts"} and "rules" in it.pane("acts").title.text
+        await it.press("f2")
+        await it.until(lambda: visible(it) == {"rules"})
+        await it.press("tab")
+        await it.until(lambda: visible(it) == {"rule"})
+        await it.press("g")
+        await it.sent("startCommunicationRobotAct", "Greet")
+        await it.press("ctrl+t", *"hi", "enter")
+        await it.sent("say", "hi")
+        await it.pilot.resize_terminal(80, 24)
+        await it.until(lambda: visible(it) == {"acts", "rules", "rule", "log"})
+        await it.pilot.resize_terminal(60, 20)
+        await it.until(lambda: visible(it) == {"rule"})
 
 
 @pytest.mark.slow
 async def test_in_a_small_window_stopping_works_and_nothing_else() -> None:
-    async with console(size=(60, 20), ready="") as it:
+    async with console(size=(40, 12), ready="") as it:
         screen = await it.shows(TooSmallScreen)  # also when it begins so
-        await it.until(lambda: "60 x 20" in screen.lines.text)
+        await it.until(lambda: "40 x 12" in screen.lines.text)
         await it.press("g", "m", "enter", "colon", "question_mark", "escape")
         assert it.client.sent == [] and it.app.screen is screen
         await it.press("f9")
@@ -169,7 +187,7 @@ async def test_in_a_small_window_stopping_works_and_nothing_else() -> None:
         await it.pilot.resize_terminal(80, 24)
         await it.back()
         assert it.pane("acts").row_view.has_focus
-        await it.pilot.resize_terminal(60, 20)
+        await it.pilot.resize_terminal(40, 12)
         await it.shows(TooSmallScreen)
         await it.press("ctrl+c")
         await it.shows(Dialog)

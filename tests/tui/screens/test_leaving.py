@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Event
@@ -19,6 +21,7 @@ from rise_engine.run.protocol.client import AttachReply, EngineGone, UnrecordedS
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
+from rise_tui.config.preferences import typed_command
 from rise_tui.console.questions import END_KEY, END_PATIENCE, end_patience, engine_gone_dialog, exit_message
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
@@ -31,6 +34,8 @@ from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, FakeLauncher, demo
 
 pytestmark = pytest.mark.slow  # many keys each
+
+RISE_TUI = typed_command()
 
 
 async def leaving(it: Console) -> list[str]:
@@ -114,7 +119,9 @@ async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_
         await it.press("d", "enter")
         await it.until(lambda: client.closed == [True])
         folder = "~/rise-sessions/2026-11-21_141503_demo-study_debug"
-        await has_left(it, f"ended: the record is in {folder}\nwhat happened: rise-engine report {folder}")
+        await has_left(
+            it, f"ended: the record is in {folder}\nwhat happened: {typed_command('rise-engine')} report {folder}"
+        )
 
 
 async def test_an_end_that_is_not_confirmed_in_time_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,7 +185,7 @@ async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
             await leaving(it)
             await it.press(way)
         await it.until(lambda: it.client.closed == [False])
-        await has_left(it, f"{said}detached: Demo study goes on; come back with: rise-tui", code)
+        await has_left(it, f"{said}detached: Demo study goes on; come back with: {RISE_TUI}", code)
 
 
 async def test_a_console_that_has_left_does_not_wait_for_the_end_of_a_record_that_goes_on(
@@ -318,11 +325,11 @@ def test_recorders_have_the_time_to_complete_their_files(statuses: Sequence[Reco
 @pytest.mark.parametrize(
     ("gone", "in_order", "leaves", "said"),
     [
-        ("", False, {}, "detached: Demo study goes on; come back with: rise-tui"),
-        ("", False, {"signal_name": "SIGHUP"}, "SIGHUP: detached: Demo study goes on; come back with: rise-tui"),
+        ("", False, {}, f"detached: Demo study goes on; come back with: {RISE_TUI}"),
+        ("", False, {"signal_name": "SIGHUP"}, f"SIGHUP: detached: Demo study goes on; come back with: {RISE_TUI}"),
         ("", False, {"end": True}, "ended: the record is in "),
         ("", False, {"end": True, "in_time": False}, "Demo study did not end within 13 s: look at the robot; "),
-        ("it was killed", False, {}, "the engine has gone; to recover the session: rise-tui --config "),
+        ("it was killed", False, {}, f"the engine has gone; to recover the session: {RISE_TUI} --config "),
         ("ended by wizard:ben", True, {}, "ended: the record is in "),
     ],
 )
@@ -333,3 +340,22 @@ def test_the_terminal_says_what_became_of_the_session(
     store.gone_reason, store.ended_in_order = gone, in_order
     how: dict[str, Any] = {"end": False, "in_time": True, "patience": END_PATIENCE} | leaves
     assert exit_message(store, **how).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("found", "in_environment", "typed"),
+    [
+        ("/home/ann/rise/.venv/bin/rise-tui", True, "~/rise/.venv/bin/rise-tui"),
+        (None, True, "~/rise/.venv/bin/rise-tui"),
+        ("/home/ann/.local/bin/rise-tui", True, "rise-tui"),
+        ("/usr/bin/rise-tui", False, "rise-tui"),
+    ],
+)
+def test_what_the_last_line_says_works_in_a_terminal_without_the_environment(
+    found: str | None, in_environment: bool, typed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "prefix", "/home/ann/rise/.venv" if in_environment else sys.base_prefix)
+    monkeypatch.setattr(shutil, "which", lambda name: found)
+    monkeypatch.setattr(Path, "exists", lambda self: True)
+    monkeypatch.setattr(Path, "home", lambda: Path("/home/ann"))
+    assert typed_command() == typed

@@ -127,7 +127,7 @@ async def test_ctrl_n_and_ctrl_p_move_in_lists_and_in_the_palette() -> None:
 
 
 async def test_a_row_that_is_out_of_view_is_shown_and_not_started() -> None:
-    async with console((80, 24), FakeClient(lablinking()), ready="R_Praise") as it:
+    async with console((80, 24), FakeClient(lablinking()), ready="praise") as it:
         rows = it.pane("acts").row_view
         await it.press("home")
         rows.scroll_to(y=20, animate=False)
@@ -171,3 +171,16 @@ async def test_the_letters_of_a_question_that_has_gone_start_nothing() -> None:
         assert it.client.asked() == []
         await it.press("g")
         await it.sent(ACT, "Greet")
+
+
+@pytest.mark.parametrize(
+    ("typed", "act", "title"), [("sorry", "R_Apology", "apology"), ("great", "R_Praise", "praise")]
+)
+async def test_an_act_is_found_by_what_it_may_say(typed: str, act: str, title: str) -> None:
+    """Also by a wording that is not the first: “That looks great.” is the third of the praise."""
+    async with console((80, 24), FakeClient(lablinking()), ready="praise") as it:
+        await it.press("/", *typed)
+        await it.until(lambda: [title in row for row in it.text("acts").splitlines()] == [True])
+        await it.press("escape", ":", *typed)
+        palette = await it.shows(Palette)
+        await it.until(lambda: palette.list.text.split()[:1] == [act])

@@ -11,6 +11,7 @@ import pytest
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.run.client.shadow import ShadowClient
 from rise_engine.session.shadow import ShadowKey, ShadowMark, ShadowNote, read_shadows
+from rise_tui.config.preferences import typed_command
 from rise_tui.console.app import ConsoleApp
 from tests.results.analysis.cues import ACT, cue_numbers, make_session
 from tests.tui.conftest import Console, console
@@ -147,7 +148,7 @@ async def test_who_leaves_is_told_how_to_go_on_and_before_it_began_leaves_nothin
         await play_until(c, 12)
         await left(c)
         assert c.app.exit_message.endswith("--recover")
-        assert "/shadow; to continue: rise-tui --shadow" in c.app.exit_message
+        assert f"/shadow; to continue: {typed_command()} --shadow" in c.app.exit_message
     assert read_shadows(folder)[0][0].resume_at == (10.0, cue_numbers(folder)[1])
 
 

@@ -22,7 +22,8 @@ from tests.tui.terminals import terminal
 
 RGB = [each for each in themes.THEMES if not each.ansi]
 GROUNDS = ("background", "surface", "panel", "rise-cursor", "rise-cursor-away", "rise-bar", "rise-bar-focused")
-TEXT, MUTED = 4.5, 3.0
+GROUNDS += ("rise-wait-ground", "rise-fault-ground")
+TEXT, SIGN = 4.5, 3.0
 """Contrast that WCAG 2.2 asks of text, and of what is only to be made out."""
 
 
@@ -51,18 +52,28 @@ def test_text_can_be_read_on_every_ground(look: Theme) -> None:
     for role, ground in product(STYLE_SPECS, GROUNDS):
         names = STYLE_SPECS[role]
         on = color(look, names.background or ground)
-        least = MUTED if role == "muted" else TEXT
         found = contrast(color(look, names.color), on)
-        assert found >= least, f"{role} on {names.background or ground}: {found:.2f}"
+        assert found >= TEXT, f"{role} on {names.background or ground}: {found:.2f}"
+
+
+@pytest.mark.parametrize("look", [each for each in themes.THEMES if each.ansi], ids=lambda look: look.name)
+def test_nothing_has_the_colour_of_its_ground(look: Theme) -> None:
+    """In 16 colours, NOT CONFIRMED was red on red: the stop panel seemed to say that all parts had confirmed."""
+    for role, ground in product(STYLE_SPECS, GROUNDS):
+        names = STYLE_SPECS[role]
+        on, text = color(look, names.background or ground), color(look, names.color)
+        assert on != text or on == Color.parse("ansi_default"), f"{role} on {names.background or ground}"
 
 
 # --- how others see ---------------------------------------------------------------------------------------------------
 
-VIENOT = {
+DICHROMAT = {
     "deuteranopia": ((0.29275, 0.70725, 0.0), (0.29275, 0.70725, 0.0), (-0.02234, 0.02234, 1.0)),
     "protanopia": ((0.11238, 0.88762, 0.0), (0.11238, 0.88762, 0.0), (0.00401, -0.00401, 1.0)),
+    "tritanopia": ((1.25553, -0.07675, -0.17878), (-0.07841, 0.93081, 0.1476), (0.00473, 0.69137, 0.3039)),
 }
-"""Linear RGB as somebody without green or without red cones sees it (Viénot, Brettel and Mollon, 1999)."""
+"""Linear RGB as somebody without green or red cones (Viénot, Brettel and Mollon, 1999) or without blue ones (Machado,
+Oliveira and Fernandes, 2009) sees it."""
 
 
 def seen(shade: Color, eyes: str) -> tuple[float, float, float]:
@@ -70,7 +81,7 @@ def seen(shade: Color, eyes: str) -> tuple[float, float, float]:
     if eyes == "all cones":
         return rgb
     red, green, blue = (
-        min(1.0, max(0.0, sum(factor * part for factor, part in zip(row, rgb, strict=True)))) for row in VIENOT[eyes]
+        min(1.0, max(0.0, sum(factor * part for factor, part in zip(row, rgb, strict=True)))) for row in DICHROMAT[eyes]
     )
     return red, green, blue
 
@@ -89,12 +100,18 @@ def apart(one: Color, other: Color, eyes: str) -> float:
     return sum((a - b) ** 2 for a, b in zip(lab(seen(one, eyes)), lab(seen(other, eyes)), strict=True)) ** 0.5
 
 
-@pytest.mark.parametrize("eyes", ["all cones", *VIENOT])
-def test_the_colorblind_theme_keeps_its_colours_apart_for_all_eyes(eyes: str) -> None:
-    look = themes.COLORBLIND
+@pytest.mark.parametrize("eyes", ["all cones", *DICHROMAT])
+@pytest.mark.parametrize("look", RGB, ids=lambda look: look.name)
+def test_states_keep_their_colours_apart_for_all_eyes(look: Theme, eyes: str) -> None:
     for one, other in combinations(("primary", "warning", "error", "foreground"), 2):
         found = apart(color(look, one), color(look, other), eyes)
-        assert found >= 30, f"{one} and {other}: {found:.0f}"
+        assert found >= (14 if look is themes.LIGHT else 29), f"{one} and {other}: {found:.0f}"
+
+
+@pytest.mark.parametrize("look", RGB, ids=lambda look: look.name)
+def test_the_focus_can_be_made_out(look: Theme) -> None:
+    for ground in ("rise-cursor", "rise-bar-focused", "surface"):
+        assert contrast(color(look, "primary"), color(look, ground)) >= SIGN
 
 
 def test_the_simulation_would_see_red_and_green_alike() -> None:

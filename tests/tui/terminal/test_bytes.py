@@ -18,7 +18,7 @@ from tests.tui.terminals import Terminal
 
 pytestmark = pytest.mark.pty
 
-FOCUS, PANE, LOG_LINE, ROW, CURSOR = 2_000, 5_000, 2_500, 300, 500
+FOCUS, PANE, LOG_LINE, ROW, CURSOR = 2_000, 5_000, 2_500, 300, 400
 """`PANE`: the focus goes to a pane that another one had covered."""
 CLOCK = 110
 """A second, while nothing but the clock moves."""
@@ -90,9 +90,9 @@ def test_a_row_that_changes(shared: tuple[Terminal, ScriptedEngine]) -> None:
 
 
 BOXES = {
-    "palette": (b":", "esc closes", 11_000, 7_000),
-    "help": (b"?", "search keys, actions and words", 20_000, 11_000),
-    "control": (b"\x19", "You have control", 3_000, 3_000),
+    "palette": (b":", "esc closes", 5_000, 5_000),
+    "help": (b"?", "search keys, actions and words", 10_000, 8_000),
+    "control": (b"\x19", "You have control", 2_000, 2_500),
     "jump": (b"\x04", "[m]", 2_500, 2_500),
 }
 """A key, what it shows, and what opening and leaving it may cost."""
@@ -139,7 +139,7 @@ def test_the_clock() -> None:
 def show(it: Terminal, title: str) -> None:
     """Bring a pane to the front, by its title in the bar."""
     for _ in range(6):
-        if re.search(rf"(^|[ ▕│]){title}( |$)", it.text, re.MULTILINE):
+        if re.search(rf"(^|[ ▕│▌]){title}( |$)", it.text, re.MULTILINE):
             return
         it.cost(b"\t")
     raise AssertionError(f"{title} is in no bar:\n{it.text}")

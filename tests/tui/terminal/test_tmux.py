@@ -13,6 +13,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from rise_tui.config.preferences import typed_command
 from tests.patience import PATIENCE
 from tests.tui.fake import DEMO
 from tests.tui.terminals import FINGERS, ROOT, environment_of, kill_engines
@@ -82,7 +83,7 @@ def test_start_act_stop_release_detach_and_come_back(tmux: Tmux) -> None:
     tmux.keys("C-c")
     tmux.until("Detach (d)")
     tmux.keys("d")
-    tmux.until("come back with: rise-tui")
+    tmux.until(f"come back with: {typed_command()}")
     tmux("kill-server")
     tmux.start("--wizard", "anna")
     tmux.until("LIVE")
