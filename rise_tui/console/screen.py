@@ -28,6 +28,7 @@ from rise_tui.model.resumption import armed_text
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import repaint_everything
 from rise_tui.rise_app import is_editing, takes_text
+from rise_tui.screens.dialog import shows_screen_below
 from rise_tui.screens.help import HelpScreen, help_entries
 from rise_tui.screens.palette import open_palette, palette_commands
 from rise_tui.screens.tour import TourScreen, is_tour_due, show_when_too_small
@@ -98,7 +99,7 @@ class ConsoleScreen(Screen[None]):
         show_when_too_small(self.app, self.store)
 
     def on_screen_suspend(self) -> None:
-        self._set_covered(True)
+        self._set_covered(not shows_screen_below(self.app.screen))
 
     def _set_covered(self, covered: bool) -> None:
         """Show that keys of the study have no effect while something else takes them."""

@@ -11,7 +11,7 @@ from textual.app import App, ComposeResult
 from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.screen import ModalScreen, ScreenResultType
+from textual.screen import ModalScreen, Screen, ScreenResultType
 from textual.timer import Timer
 from textual.widget import Widget
 from textual.widgets import Button, Label, Static
@@ -75,6 +75,11 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
 
     def dismiss(self, result: ScreenResultType | None = None) -> AwaitComplete:
         return super().dismiss(result) if self.is_active else AwaitComplete.nothing()  # type: ignore[no-untyped-call]
+
+
+def shows_screen_below(screen: Screen[Any]) -> bool:
+    """Whether a screen shows something on the one below, such as the tour."""
+    return isinstance(screen, SingleDismissModal) and not screen.KEEPS_ROWS
 
 
 def place_overlays(app: App[Any]) -> None:

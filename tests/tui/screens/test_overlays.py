@@ -46,6 +46,17 @@ async def test_keys_below_an_overlay_are_dim_and_the_hints_name_what_works(opens
         await it.until(lambda: it.bars.key_hints.text == hints and ("g", "key") in it.bars.key_strip.lines[0])
 
 
+@pytest.mark.parametrize("opens", ["tour", "jump"])
+async def test_what_shows_the_console_leaves_its_keys_as_they_are(opens: str) -> None:
+    async with console() as it:
+        await it.until(lambda: ("g", "key") in it.bars.key_strip.lines[0])
+        hints = it.bars.key_hints.text
+        it.screen.action_do(opens)
+        await it.until(lambda: it.app.screen is not it.screen)
+        await it.pilot.pause(0.2)
+        assert ("g", "key") in it.bars.key_strip.lines[0] and it.bars.key_hints.text == hints
+
+
 async def test_the_cursor_of_the_terminal_is_where_the_focus_is() -> None:
     """Braille displays and screen readers follow it."""
 
