@@ -145,9 +145,7 @@ class TaskHandlers:
         elif name in self.rules.stack:
             self._reject(task, f"rule {name!r} is already running")
         elif self.rules.was_stopped_for_loop(name):
-            self._reject(
-                task, f"rule {name!r} was just stopped as part of a loop, so it cannot start again in the same go"
-            )
+            self._reject(task, f"rule {name!r} was just stopped as part of a loop, so it cannot start again at once")
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:

@@ -75,25 +75,33 @@ def _action_words(scenario: Scenario, action: Action, memory: Mapping[str, Any])
     return f"“{fill_known(message, memory)}”" + (f" or {others} other{'s' * (others > 1)}" if others else "")
 
 
-def act_summary(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
-    """An act by its first text, or else its first action, and the number of its other actions: `“Very good!” +3`."""
-    actions = scenario.acts[name].actions
-    texts = (_action_words(scenario, action, memory) for action in actions)
-    first = next(filter(None, texts), actions[0].calls[0].type if actions else "nothing")
-    return first if len(actions) < 2 else f"{first} +{len(actions) - 1}"
-
-
-def act_wordings(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> list[str]:
+def act_texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> list[str]:
     """Everything that an act may say, in the order of its actions, with the memory's present values."""
     calls = (call for action in scenario.acts[name].actions for call in action.calls)
     return [fill_known(message, memory) for call in calls if (message := message_of(scenario, call)) is not None]
+
+
+class ActSummary(NamedTuple):
+    """An act in a few words: `“Very good!” +3`."""
+
+    first: str
+    """Its first text, or else its first action."""
+    more: str
+    """The number of its other texts: other wordings, and later sentences."""
+
+
+def act_summary(scenario: Scenario, name: str, texts: Sequence[str]) -> ActSummary:
+    """An act in a few words. `texts`: those of `act_texts`."""
+    actions = scenario.acts[name].actions
+    first = f"“{texts[0]}”" if texts else actions[0].calls[0].type if actions else "nothing"
+    return ActSummary(first, f" +{len(texts) - 1}" if len(texts) > 1 else "")
 
 
 def start_summary(store: Store, action: KeyAction) -> str:
     """What this start does first: the robot's words, or the rule's first words."""
     scenario, name = store.scenario, describe_behavior(action.function, action.behavior)
     if action.function == ACT and name in scenario.acts:
-        return act_summary(scenario, name, store.memory)
+        return "".join(act_summary(scenario, name, act_texts(scenario, name, store.memory)))
     if action.function == RULE and name in scenario.rules:
         rule = scenario.rules[name]
         return f"{name} {entry_summary(scenario, rule, rule.initial, store.memory)}"

@@ -13,7 +13,7 @@ from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.control import enter_action
 from rise_tui.model.notice import act_label
-from rise_tui.model.resumption import act_wordings, start_summary
+from rise_tui.model.resumption import act_summary, act_texts, start_summary
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
@@ -161,11 +161,11 @@ class ActsPane(StartListPane):
         title_width = min(longest, int(width * TITLE_SHARE))
         rows = []
         for name, title in titles.items():
-            wordings = act_wordings(self.store.scenario, name, self.store.memory)
+            texts = act_texts(self.store.scenario, name, self.store.memory)
             line = self.armed_line(name, width) or self._act_line(
-                name, title, title_width, wordings, width, name in expected
+                name, title, title_width, texts, width, name in expected
             )
-            rows.append(ListRow(name, line, full=" ".join((self.key_cell(name)[0], title, name, *wordings))))
+            rows.append(ListRow(name, line, full=" ".join((self.key_cell(name)[0], title, name, *texts))))
         return rows
 
     def _title(self, name: str) -> str:
@@ -174,9 +174,9 @@ class ActsPane(StartListPane):
         return key_title(key) if key is not None else name
 
     def _act_line(
-        self, name: str, title: str, title_width: int, wordings: list[str], width: int, is_expected: bool
+        self, name: str, title: str, title_width: int, texts: list[str], width: int, is_expected: bool
     ) -> StyledLine:
-        """`p praise  “Very good!” +3  ✓ done`: the key, the title, the words and the number of other wordings."""
+        """`p praise  “Very good!” +3  ✓ done`: the key, the title, the words and the state."""
         running = bool(self.store.act(name).running)
         head: StyledLine = (
             self.key_cell(name),
@@ -187,9 +187,7 @@ class ActsPane(StartListPane):
         tail: StyledLine = ((" ", "plain"), end) if end[0] else ()
         if width >= NAMES_WIDTH and title != name:
             tail = ((f"  {name}", "muted"), *tail)
-        actions = self.store.scenario.acts[name].actions
-        first = f"“{wordings[0]}”" if wordings else actions[0].calls[0].type if actions else ""
-        more = f" +{len(wordings) - 1}" if len(wordings) > 1 else ""
+        first, more = act_summary(self.store.scenario, name, texts)
         room = width - line_width(head) - line_width(tail) - 2
         words = shorten(first, room - len(more))
         shown: StyledLine = (*head, (words, "strong" if running else "muted"), (more, "muted"))

@@ -51,8 +51,8 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
     """
 
     DEFAULT_CSS = "SingleDismissModal { background: transparent; }"
-    KEEPS_ROWS: ClassVar[bool] = True
-    """Whether its box is placed below these rows. False: this screen shows something on the one below."""
+    COVERS: ClassVar[bool] = True
+    """Whether it covers the screen below, with a box below these rows. False: it shows something on that screen."""
 
     def on_mount(self) -> None:
         self.place_box()
@@ -63,7 +63,7 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
     def place_box(self) -> None:
         """Put the box below the kept rows."""
         kept = self._kept_rows()
-        for box in self.query("#box") if self.KEEPS_ROWS else ():
+        for box in self.query("#box") if self.COVERS else ():
             box.styles.margin = (kept, 0, 0, 0)
             box.styles.max_height = self.app.size.height - kept
 
@@ -79,7 +79,7 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
 
 def shows_screen_below(screen: Screen[Any]) -> bool:
     """Whether a screen shows something on the one below, such as the tour."""
-    return isinstance(screen, SingleDismissModal) and not screen.KEEPS_ROWS
+    return isinstance(screen, SingleDismissModal) and not screen.COVERS
 
 
 def place_overlays(app: App[Any]) -> None:

@@ -30,7 +30,7 @@ from rise_tui.actions import (
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
-from rise_tui.model.resumption import act_wordings, start_summary
+from rise_tui.model.resumption import act_texts, start_summary
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
 from rise_tui.rendering.text import (
@@ -202,7 +202,7 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
             action, key = start_action(scenario, function, name), store.key_of(function, name)
             waited = "; a running rule waits for it" if name in expected else ""
             help = f"{start_summary(store, action)}{_author_title(key)}{waited}"
-            words = " ".join(act_wordings(scenario, name, store.memory)) if kind == "act" else ""
+            words = " ".join(act_texts(scenario, name, store.memory)) if kind == "act" else ""
             label = key.label if key else ""
             yield PaletteCommand(name, kind, label, help, why, partial(start, action), acts=True, words=words)
     for key in scenario.keys.values():

@@ -44,7 +44,7 @@ def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
 class TooSmallScreen(SingleDismissModal[None]):
     """Covers everything until the window is large enough."""
 
-    KEEPS_ROWS = False
+    COVERS = False
     DEFAULT_CSS = """
     TooSmallScreen { background: $background; }
     TooSmallScreen StaticLines { height: 100%; }
@@ -108,7 +108,7 @@ def label_line(titles: Sequence[tuple[str, str, bool]]) -> StyledLine:
 class JumpScreen(SingleDismissModal[str]):
     """The labels over the console; the result is the pane to go to, or empty."""
 
-    KEEPS_ROWS = False
+    COVERS = False
     DEFAULT_CSS = """
     JumpScreen { background: transparent; }
     JumpScreen StaticLines { position: absolute; background: $rise-bar-focused; }
@@ -211,7 +211,7 @@ def is_tour_due(store: Store) -> bool:
 class TourScreen(SingleDismissModal[None]):
     """Shows the tour. Enter or right goes on, left goes back, Esc ends it. Other keys only stop or leave."""
 
-    KEEPS_ROWS = False
+    COVERS = False
     DEFAULT_CSS = """
     TourScreen { background: transparent; }
     TourScreen StaticLines { position: absolute; background: $rise-bar-focused; }

@@ -9,7 +9,7 @@ import pytest
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.console.input import CHANGE_SECONDS
-from rise_tui.model.resumption import act_summary
+from rise_tui.model.resumption import act_summary, act_texts
 from rise_tui.screens.help import HelpScreen
 from rise_tui.screens.palette import Palette
 from tests.tui.conftest import console
@@ -27,13 +27,14 @@ def lablinking() -> Scenario:
 @pytest.mark.parametrize(
     ("act", "summary"),
     [
-        ("R_Praise", "“Very good!” or 3 others +3"),
-        ("R_Apology", "“I am sorry, that was not very clear.” +4"),
+        ("R_Praise", "“Very good!” +3"),
+        ("R_Apology", "“I am sorry, that was not very clear.” +1"),
+        ("R_Nod", "Animation"),
     ],
 )
 def test_an_act_in_short(act: str, summary: str) -> None:
     scenario = lablinking()
-    assert act_summary(scenario, act, scenario.memory) == summary
+    assert "".join(act_summary(scenario, act, act_texts(scenario, act, scenario.memory))) == summary
 
 
 async def test_enter_after_an_overlay_that_closed_just_now_starts_nothing() -> None:
