@@ -65,6 +65,26 @@ def test_nothing_has_the_colour_of_its_ground(look: Theme) -> None:
         assert on != text or on == Color.parse("ansi_default"), f"{role} on {names.background or ground}"
 
 
+@pytest.mark.parametrize("name", themes.NAMES)
+async def test_what_the_bars_paint_can_be_read(name: str) -> None:
+    """What reaches the terminal: in 16 colours, a share of a colour is the whole colour."""
+    async with console(theme=name) as it:
+        it.client.act("Praise", "ABORTED", reason="the robot cannot")
+        it.client.stop("latched", ("pepper/speech",), ("pepper/base",))
+        bars = (it.bars.alarm_bar, it.bars.failure_bar)
+        await it.until(lambda: "NOT CONFIRMED" in bars[0].text and bars[1].text)
+        await it.pilot.pause(0.2)
+        for bar in bars:
+            for segment in (segment for y in range(bar.size.height) for segment in bar.render_line(y)):
+                style = segment.style
+                assert style is not None and style.color is not None and style.bgcolor is not None
+                text, ground = style.color, style.bgcolor
+                if text.triplet is not None and ground.triplet is not None:
+                    assert contrast(Color(*text.triplet), Color(*ground.triplet)) >= TEXT, segment.text
+                else:
+                    assert text != ground or text.is_default, segment.text
+
+
 # --- how others see ---------------------------------------------------------------------------------------------------
 
 DICHROMAT = {
