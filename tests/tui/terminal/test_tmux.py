@@ -50,8 +50,9 @@ class Tmux:
         return self("capture-pane", "-p")
 
     def until(self, text: str) -> None:
+        """Wait for `text`, wherever the terminal wraps it: a checkout may have a long path."""
         end = monotonic() + PATIENCE
-        while text not in (shown := self.text):
+        while text not in (shown := self("capture-pane", "-p", "-J")):
             assert monotonic() < end, f"{text!r} is not on the screen:\n{shown}"
             sleep(0.1)
 
