@@ -51,6 +51,13 @@ def steady_cursor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Input, "__init__", init)
 
 
+@pytest.fixture(autouse=True)
+def a_busy_machine_ignores_no_keys(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A console that stands still ignores the keys of that time. On the machine's clock, any test could meet that."""
+    if request.path.parent.name not in VIRTUAL_TIME:
+        monkeypatch.setattr("rise_tui.console.input.STALL_SECONDS", float("inf"))
+
+
 class NoConsole(AssertionError):
     """The app is between two sessions: no console is shown."""
 
