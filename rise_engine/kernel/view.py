@@ -8,7 +8,7 @@ gets.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
 from typing import Any
 
@@ -193,6 +193,26 @@ class StopView(Struct):
         return self.status != "released"
 
 
+def condition_key(key: str, values: Mapping[str, Any]) -> str | None:
+    """The key among the condition's `values` that a write to `key` changes; None: none of them.
+
+    It is the key itself, or the key of which it is a part, as `order.first` is a part of `order`.
+    """
+    if key in values:
+        return key
+    root = key.partition(".")[0].partition("[")[0]
+    return root if root in values else None
+
+
+def condition_change(record: MemoryRecord, values: Mapping[str, Any]) -> tuple[str, bool] | None:
+    """The key among the condition's `values` that a record writes, and whether it has another value now; None: no such
+    key."""
+    key = condition_key(record.key, values)
+    if key is None:
+        return None
+    return key, key != record.key or record.deleted or not json_equal(record.value, values[key])
+
+
 class SessionView(Struct):
     """A session as seen from outside: the sum of its records. Times are seconds of session time."""
 
@@ -301,14 +321,14 @@ class SessionView(Struct):
             self.memory.pop(record.key, None)
         else:
             self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
-        key, source = record.key, record.source
-        if source in SET_AT_START:
-            self.condition_values[key] = record.value
-        elif key in self.condition_values:
-            if not record.deleted and json_equal(record.value, self.condition_values[key]):
+        if record.source in SET_AT_START:
+            self.condition_values[record.key] = record.value
+        elif (change := condition_change(record, self.condition_values)) is not None:
+            key, is_other = change
+            if not is_other:
                 self.overridden.pop(key, None)
-            elif source.startswith("wizard:"):
-                self.overridden[key] = source
+            elif record.source.startswith("wizard:"):
+                self.overridden[key] = record.source
 
     def _apply_action(self, record: ActionRecord) -> None:
         add_action_record(self.tasks, record)

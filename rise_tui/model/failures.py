@@ -11,14 +11,12 @@ from rise_engine.author.drawing.act_graph import actions_in_order
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.scenario.model import Action, KeyBinding, Scenario
-from rise_engine.scenario.speech.ssml import BEGINNING, begins_as_ssml, plain_words
-from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, Template
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.control import KeyNames, blocked_text
 from rise_tui.model.notice import act_label, completion_message, short_name, task_label
-from rise_tui.model.speech import message_of, words_of
+from rise_tui.model.speech import action_texts, message_of, words_of
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
+from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, quoted, wrap
 
 LABEL = 15
 """Cells before an unspoken text."""
@@ -82,29 +80,13 @@ def _find_unspoken(
     if begun is not None and _was_sent(begun):
         words = words_of(scenario, begun)
         return UnspokenText(words, begun=True) if words is not None else None
-    messages = (message_of(scenario, call) for call in action.calls)
-    first = next((message for message in messages if message is not None), None)
-    return (
-        UnspokenText(fill_known(first, memory), begun=False, variants=len(action.calls)) if first is not None else None
-    )
+    texts = action_texts(scenario, action, memory)
+    return UnspokenText(texts[0], begun=False, variants=len(texts)) if texts else None
 
 
 def _was_sent(begun: ActionView) -> bool:
     """Whether the action reached the robot. One that failed at its start did not: the robot or a value was missing."""
     return begun.status != "skipped" and begun.ended != begun.since
-
-
-def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
-    """The text with the memory's present values. A slot without a value stays as written."""
-    lead = BEGINNING + ">" if begins_as_ssml(template.text) else ""
-
-    def fill(part: str | MemorySlot) -> str:
-        try:
-            return Template("", (lead, part)).fill(memory).removeprefix(lead)
-        except (MissingValueError, OverflowError, RecursionError):
-            return f"{{{part.key}}}" if isinstance(part, MemorySlot) else part
-
-    return plain_words("".join(map(fill, template.parts)))
 
 
 # --- the bar ---------------------------------------------------------------------------------------------------------
@@ -158,7 +140,7 @@ def _unspoken_lines(store: Store, task: TaskView, width: int) -> Iterator[Styled
     for text, begun, variants in unspoken:
         label = "perhaps begun" if begun else "not said"
         label = f"one of {variants}" if variants > 1 else label
-        for at, piece in enumerate(wrap(f"“{text}”", max(10, width - LABEL - 2))):
+        for at, piece in enumerate(wrap(quoted(text), max(10, width - LABEL - 2))):
             yield (f"   {label if at == 0 else '':<{LABEL - 3}}", "wait"), (f" {piece}", "strong")
 
 

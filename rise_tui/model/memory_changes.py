@@ -12,7 +12,7 @@ from msgspec import Struct
 from rise_engine.base.errors import RiseError
 from rise_engine.base.json_codec import json_equal
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.kernel.view import MemoryView, SessionView
+from rise_engine.kernel.view import MemoryView, SessionView, condition_key
 from rise_tui.rendering.text import format_value, shorten
 
 JsonPath: TypeAlias = tuple[str | int, ...]
@@ -151,14 +151,17 @@ CHANGED = "≠ changed"
 
 def condition_change_lines(view: SessionView, function: str, behavior: str) -> list[str]:
     """The lines of the question before one of the condition's keys gets another value; empty: none is needed."""
-    key = changed_key(function, behavior)
-    if key not in view.condition_values or key in view.overridden:
+    written = changed_key(function, behavior)
+    key = condition_key(written, view.condition_values)
+    if key is None or key in view.overridden:
         return []
     old = view.condition_values[key]
-    new = None if function == "deleteValue" else json.loads(behavior)[key]
-    if function != "deleteValue" and json_equal(new, old):
+    new = None if function == "deleteValue" else json.loads(behavior)[written]
+    if function != "deleteValue" and key == written and json_equal(new, old):
         return []
     becomes = "be deleted" if function == "deleteValue" else f"become {shorten(format_value(new), MAX_VALUE)}"
+    if key != written:
+        becomes = f"be replaced in part: {written} would {becomes}"
     setter = "The study" if view.session is not None and view.session.study else "The condition"
     return [
         f"{setter} set {key} to {shorten(format_value(old), MAX_VALUE)} at the start.",

@@ -23,7 +23,7 @@ from rise_engine.kernel.records import (
     stopper_words,
 )
 from rise_engine.scenario.model import normal_topic
-from rise_tui.rendering.text import clean, format_value
+from rise_tui.rendering.text import clean, format_value, quoted
 
 Level: TypeAlias = Literal["info", "wait", "fault"]
 """Information, needs attention, wrong."""
@@ -55,7 +55,7 @@ def task_label(function: str, behavior: str) -> str:
 
 def act_label(function: str, behavior: str) -> str:
     """An act by its name, free speech by its words."""
-    return f"“{behavior}”" if function == "say" else behavior
+    return quoted(behavior) if function == "say" else behavior
 
 
 def completion_message(function: str, behavior: str) -> str:

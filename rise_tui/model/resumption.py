@@ -12,13 +12,12 @@ from typing import Any, NamedTuple
 from rise_engine.author.drawing.rule_text import functions_in, wait_text
 from rise_engine.author.drawing.study_keys import ACT, RULE
 from rise_engine.kernel.behaviors import Resumption, describe_behavior
-from rise_engine.scenario.model import Action, Function, Rule, Scenario, State, normal_topic
+from rise_engine.scenario.model import Function, Rule, Scenario, State, normal_topic
 from rise_tui.model.control import KeyAction
-from rise_tui.model.failures import fill_known
 from rise_tui.model.notice import task_label
-from rise_tui.model.speech import message_of
+from rise_tui.model.speech import act_texts, action_texts
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import cell_width, clean, format_value, shorten
+from rise_tui.rendering.text import cell_width, clean, format_value, quoted, shorten
 
 _VERBS = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops the rule", "assignValue": "sets"}
 NOTHING = "does nothing but wait"
@@ -49,7 +48,7 @@ def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[st
 def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, Any]) -> str:
     match function.name:
         case "startCommunicationRobotAct":
-            words = _words_of(scenario, function.argument, memory)
+            words = _spoken_words(scenario, function.argument, memory)
             return f"says {words}" if words else f"starts {function.argument}"
         case "startInteractionRule":
             return f"starts the rule {describe_behavior(function.name, function.behavior)}"
@@ -59,26 +58,14 @@ def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, 
             return f"{_VERBS[function.name]} {function.argument}"
 
 
-def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
-    """All texts of an act, with the memory's present values."""
+def _spoken_words(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
+    """The sentences of an act, each with the number of its other wordings: `“Great!” or 3 others “Go on.”`."""
     act = scenario.acts.get(name)
-    texts = (_action_words(scenario, action, memory) for action in act.actions) if act is not None else ()
-    return " ".join(filter(None, texts))
-
-
-def _action_words(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
-    """An action's text, and the number of its other wordings, of which chance picks one: `“Great!” or 3 others`."""
-    message = message_of(scenario, action.calls[0])
-    if message is None:
-        return ""
-    others = len(action.calls) - 1
-    return f"“{fill_known(message, memory)}”" + (f" or {others} other{'s' * (others > 1)}" if others else "")
-
-
-def act_texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> list[str]:
-    """Everything that an act may say, in the order of its actions, with the memory's present values."""
-    calls = (call for action in scenario.acts[name].actions for call in action.calls)
-    return [fill_known(message, memory) for call in calls if (message := message_of(scenario, call)) is not None]
+    sentences = (action_texts(scenario, action, memory) for action in act.actions) if act is not None else ()
+    return " ".join(
+        quoted(first) + (f" or {len(others)} other{'s' * (len(others) > 1)}" if others else "")
+        for first, *others in filter(None, sentences)
+    )
 
 
 class ActSummary(NamedTuple):
@@ -93,7 +80,7 @@ class ActSummary(NamedTuple):
 def act_summary(scenario: Scenario, name: str, texts: Sequence[str]) -> ActSummary:
     """An act in a few words. `texts`: those of `act_texts`."""
     actions = scenario.acts[name].actions
-    first = f"“{texts[0]}”" if texts else actions[0].calls[0].type if actions else "nothing"
+    first = quoted(texts[0]) if texts else actions[0].calls[0].type if actions else "nothing"
     return ActSummary(first, f" +{len(texts) - 1}" if len(texts) > 1 else "")
 
 

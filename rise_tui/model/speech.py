@@ -15,8 +15,15 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Action, ActionCall, Scenario
 from rise_engine.scenario.parameters import MESSAGE, SPEECH_CHANNEL
-from rise_engine.scenario.speech.ssml import plain_words
-from rise_engine.scenario.speech.template import MissingValueError, Template, TemplateError, parse_template, spoken_text
+from rise_engine.scenario.speech.ssml import BEGINNING, begins_as_ssml, plain_words
+from rise_engine.scenario.speech.template import (
+    MemorySlot,
+    MissingValueError,
+    Template,
+    TemplateError,
+    parse_template,
+    spoken_text,
+)
 from rise_tui.model.notice import act_label
 
 
@@ -172,29 +179,40 @@ def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[s
         for task in tasks
         if task.function != "say" and task.behavior in scenario.acts
         for action in scenario.acts[task.behavior].actions
-        if action.id not in task.actions and (text := _sentence_text(scenario, action, memory))
+        if action.id not in task.actions and (text := " / ".join(action_texts(scenario, action, memory)))
     ]
-
-
-def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
-    """One sentence with all its variants; empty: an action without speech."""
-    messages = (message_of(scenario, call) for call in action.calls)
-    return " / ".join(_fill_or_quote(words, memory) for words in messages if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
     """The longest sentence of all acts, with these values."""
-    calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
-    messages = (message_of(scenario, call) for call in calls)
-    return max((_fill_or_quote(words, memory) for words in messages if words is not None), key=len, default="")
+    texts = (text for name in scenario.acts for text in act_texts(scenario, name, memory))
+    return max(texts, key=len, default="")
 
 
-def _fill_or_quote(template: Template, memory: Mapping[str, Any]) -> str:
-    """The text with the memory's values; as written if a value is missing."""
-    try:
-        return plain_words(template.fill(memory).strip())
-    except (MissingValueError, OverflowError, RecursionError):
-        return plain_words(template.text.strip())
+def act_texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> list[str]:
+    """Everything that an act may say, in the order of its actions, with the memory's present values."""
+    return [text for action in scenario.acts[name].actions for text in action_texts(scenario, action, memory)]
+
+
+def action_texts(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> list[str]:
+    """The wordings of a sentence, of which chance picks one, with the memory's present values.
+
+    A slot without a value stays as written. No wordings: the action has no speech.
+    """
+    messages = (message_of(scenario, call) for call in action.calls)
+    return [_fill_known(message, memory) for message in messages if message is not None]
+
+
+def _fill_known(template: Template, memory: Mapping[str, Any]) -> str:
+    lead = BEGINNING + ">" if begins_as_ssml(template.text) else ""
+
+    def fill(part: str | MemorySlot) -> str:
+        try:
+            return Template("", (lead, part)).fill(memory).removeprefix(lead)
+        except (MissingValueError, OverflowError, RecursionError):
+            return f"{{{part.key}}}" if isinstance(part, MemorySlot) else part
+
+    return plain_words("".join(map(fill, template.parts)).strip())
 
 
 KEPT = 200

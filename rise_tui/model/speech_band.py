@@ -28,6 +28,7 @@ from rise_tui.rendering.text import (
     format_age,
     format_duration,
     line_width,
+    quoted,
     wrap,
 )
 
@@ -63,7 +64,7 @@ def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, h
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
         return 1
-    return min(most, max(len(_wrap_sentence(_quote(longest), width)), 2 if height >= TALL else 1))
+    return min(most, max(len(_wrap_sentence(quoted(longest), width)), 2 if height >= TALL else 1))
 
 
 def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
@@ -99,7 +100,7 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
         note = (*_time_bar(sentence.share, note[0][1]), (" ", "plain"), *note)
     prefix = _ending_prefix(sentence)
     more = f" and {sentence.others} more" if sentence.others and sentence.kind in ("unsaid", "unknown") else ""
-    text = f"{prefix}{_quote(sentence.text)}{more}"
+    text = f"{prefix}{quoted(sentence.text)}{more}"
     shown, first = _wrap_sentence(text, width), 0
     if len(shown) > rows:
         shown, first = _window_lines(text, width, rows, sentence.share)
@@ -152,10 +153,6 @@ def _status_note(sentence: CurrentSentence) -> StyledSpan:
             return "", "muted"
 
 
-def _quote(text: str) -> str:
-    return f"“{clean(text)}”"
-
-
 def _wrap_sentence(text: str, width: int) -> list[str]:
     """The sentence on the lines that it needs; the first leaves room for the note."""
     first, others = max(10, width - GLYPH - _note_width(width) - 2), max(10, width - GLYPH - 1)
@@ -177,7 +174,7 @@ def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[
 
 
 def _quoted_line(texts: Sequence[str]) -> StyledLine:
-    return tuple((f"{'  ' if at else ''}{_quote(text)}", "muted") for at, text in enumerate(texts))
+    return tuple((f"{'  ' if at else ''}{quoted(text)}", "muted") for at, text in enumerate(texts))
 
 
 # --- what comes next -----------------------------------------------------------------------------------------------
@@ -193,7 +190,7 @@ class _Piece(NamedTuple):
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
     """The line about the next steps. `rest`: this act's next sentences, if they are not shown elsewhere."""
-    pieces = [_Piece(((_quote(rest[0]), "plain"),), MIN_SENTENCE_WIDTH)] if rest else []
+    pieces = [_Piece(((quoted(rest[0]), "plain"),), MIN_SENTENCE_WIDTH)] if rest else []
     room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 

@@ -13,7 +13,8 @@ from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.control import enter_action
 from rise_tui.model.notice import act_label
-from rise_tui.model.resumption import act_summary, act_texts, start_summary
+from rise_tui.model.resumption import act_summary, start_summary
+from rise_tui.model.speech import act_texts
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,

@@ -11,6 +11,7 @@ from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.model.act_text import ActText, running_action, shown_act
 from rise_tui.model.log_text import task_rows
+from rise_tui.model.notice import act_label
 from rise_tui.model.states import SENT, act_progress, task_state
 from rise_tui.model.store import Store
 from rise_tui.model.upcoming import QueuedTask, estimate_starts
@@ -139,7 +140,7 @@ class SchedulerPane(ListPane):
         room = 11 if narrow else 28
         text = when[0] if not narrow else when[0].rpartition(", ")[2]
         name = width - 6 - 11 - (0 if narrow else 5) - room - (source + 2 if source else 0) - 1
-        label = f"“{task.behavior}”" if task.function == "say" else task.behavior
+        label = act_label(task.function, task.behavior)
         line: StyledLine = (
             lead,
             fixed_span(label, name, "strong" if now else "plain"),

@@ -23,6 +23,8 @@ TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fau
 StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
 
+_OPENING_QUOTES = ("“", "„", "«", '"')
+
 
 class ListRow(NamedTuple):
     """One row of a list: its id, and its text."""
@@ -142,6 +144,12 @@ def heading_line(name: str, state: StyledSpan, right: StyledLine, width: int) ->
     room = width - line_width(right) - cell_len(state[0]) - 4
     shown = fit(name, max(4, room)) if cell_len(clean(name)) > room else clean(name)
     return align_at_both_ends(((f" {shown}  ", "strong"), state), right, width)
+
+
+def quoted(text: str) -> str:
+    """The robot's words on the screen. A text that begins with a quotation mark keeps its own."""
+    text = clean(text)
+    return text if text.startswith(_OPENING_QUOTES) else f"“{text}”"
 
 
 def wrap(text: str, width: int) -> list[str]:

@@ -30,7 +30,8 @@ from rise_tui.actions import (
 from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
 from rise_tui.model.control import KeyAction, action_of_key, start_action
 from rise_tui.model.filtering import Filter, InvalidFilter
-from rise_tui.model.resumption import act_texts, start_summary
+from rise_tui.model.resumption import start_summary
+from rise_tui.model.speech import act_texts
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
 from rise_tui.rendering.text import (

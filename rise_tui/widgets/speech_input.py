@@ -25,7 +25,7 @@ from rise_tui.model.speech import (
 )
 from rise_tui.model.states import SENT, StateLabel, task_state
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import StyledLine, crop, format_seconds
+from rise_tui.rendering.text import StyledLine, crop, format_seconds, quoted
 from rise_tui.widgets.fields import EndingSuggester, TextField
 from rise_tui.widgets.lines import StaticLines
 
@@ -181,7 +181,7 @@ class SpeechInput(Vertical):
         text, problem = fill_speech(self.field.value, self._store.memory)
         if problem:
             return ((" ✗ cannot be said: ", "wait"), (problem, "wait"))
-        return (("  will say  ", "muted"), (f"“{text}”", "strong"))
+        return (("  will say  ", "muted"), (quoted(text), "strong"))
 
     def _status_line(self) -> StyledLine:
         """The line's text: sent, waiting, running or just spoken; otherwise the draft, or how to begin."""
@@ -225,4 +225,4 @@ class SpeechInput(Vertical):
 
 
 def _state_line(state: StateLabel, more: str, text: str) -> StyledLine:
-    return ((f"{state.glyph} {state.word}{more}  ", state.role), (f"“{text}”", "plain"))
+    return ((f"{state.glyph} {state.word}{more}  ", state.role), (quoted(text), "plain"))

@@ -21,6 +21,8 @@ from rise_engine.kernel.inputs import (
 )
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, SessionRecord
 from rise_engine.kernel.snapshot import Snapshot
+from rise_engine.kernel.view import SessionView
+from rise_engine.results.analysis.course import ConditionCollector
 from rise_engine.scenario.model import Scenario
 
 from .harness import dialog, folded, read, speech, write
@@ -179,3 +181,31 @@ def test_a_view_remembers_the_last_word(tmp_path: Path) -> None:
     assert view.sync is not None and view.sync.number == 1
     assert view.outcome is not None and (view.outcome.status, view.outcome.reason) == ("excluded", "asked for it")
     assert view.session is not None and (view.session.slot, view.session.factors) == (7, STARTED.factors)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "deleted", "overridden"),
+    [
+        ("hesitation", False, False, "hesitation"),
+        ("hesitation", True, False, ""),
+        ("hesitation", 1, False, "hesitation"),
+        ("hesitation", None, True, "hesitation"),
+        ("noise.level", 9, False, "noise"),
+        ("noise[0]", 9, False, "noise"),
+        ("noisy", 9, False, ""),
+    ],
+)
+def test_a_wizard_s_other_value_for_a_key_of_the_condition_shows_in_view_and_results(
+    key: str, value: Any, deleted: bool, overridden: str
+) -> None:
+    given = {"hesitation": True, "noise": {"level": 3}}
+    records = [
+        *(MemoryRecord(1, 0.0, "", name, it, None, "condition") for name, it in given.items()),
+        MemoryRecord(2, 1.5, "", key, value, given.get(key), "wizard:anna", deleted=deleted),
+    ]
+    view, collector = SessionView(), ConditionCollector()
+    for record in records:
+        view.apply(record)
+        collector.add(record)
+    assert view.overridden == ({overridden: "wizard:anna"} if overridden else {})
+    assert collector.keys() == ({overridden: 1.5} if overridden else {})

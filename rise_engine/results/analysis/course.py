@@ -37,7 +37,7 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskRecord,
 )
-from rise_engine.kernel.view import SET_AT_START
+from rise_engine.kernel.view import SET_AT_START, condition_change
 from rise_engine.results.analysis.model import (
     Interruption,
     InterruptionKind,
@@ -302,12 +302,11 @@ class ConditionCollector:
     def add(self, record: AnyRecord) -> None:
         if not isinstance(record, MemoryRecord):
             return
-        key = record.key.partition(".")[0].partition("[")[0]
         if record.source in SET_AT_START:
             self._given[record.key] = record.value
-        elif key in self._given and actor_of(record.source) == "wizard":
-            is_same = key == record.key and not record.deleted and record.value == self._given[key]
-            if not is_same:
+        elif actor_of(record.source) == "wizard" and (change := condition_change(record, self._given)) is not None:
+            key, is_other = change
+            if is_other:
                 self._changed.setdefault(key, record.t)
 
     def keys(self) -> dict[str, float]:

@@ -16,6 +16,7 @@ from rise_tui.rendering.text import (
     line_width,
     parse_typed_value,
     plain_text,
+    quoted,
 )
 
 
@@ -98,3 +99,11 @@ def test_times() -> None:
     assert format_clock(872.15, tenths=True) == "00:14:32.1"
     assert [format_age(value) for value in (0, 59, 60, 3599, 7200)] == ["0 s", "59 s", "1 min", "59 min", "2 h"]
     assert format_duration(6.4) == "6.4 s" and format_duration(61) == "1:01"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [("Hello.", "“Hello.”"), ("“Yes?”, she said.", "“Yes?”, she said."), ("„Ja?“", "„Ja?“"), ("", "“”")],
+)
+def test_words_that_bring_their_own_quotation_marks_get_no_second_ones(text: str, shown: str) -> None:
+    assert quoted(text) == shown
