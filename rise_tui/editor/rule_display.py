@@ -99,6 +99,17 @@ class PartList(RowList):
         """The part under the cursor."""
         return self._parts[self.cursor] if 0 <= self.cursor < len(self._parts) else None
 
+    def section_of(self, index: int) -> str:
+        """The id of the heading above a row."""
+        above = reversed(self._parts[: index + 1])
+        return next((part.id for part in above if part.kind == "heading"), "")
+
+    def stay_in(self, section: str, index: int) -> None:
+        """Put the cursor on the row of a section that is nearest to an index."""
+        rows = [at for at in range(self.count) if self.section_of(at) == section]
+        if rows:
+            self.move_cursor(min(rows, key=lambda at: abs(at - index)))
+
 
 class RuleDisplay(Vertical):
     """A rule on the screen, and the cursor in it. Graph and list are two stops of the Tab key."""

@@ -221,7 +221,9 @@ class RuleEditor(RuleDisplay):
         edit = removal(part, state, rule.name) if part is not None else None
         if edit is None:
             raise EditRefused("there is nothing to remove here")
-        self._page.make(edit)
+        index = self.parts.cursor
+        section = self.parts.section_of(index)  # an `a` after this adds the same kind of thing
+        self._page.make(edit, then=(lambda: self.parts.stay_in(section, index)) if self.parts.has_focus else None)
 
     def _move(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot, step: int) -> None:
         part = self._part_here(rule, state, spot)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.scenario.loader import load
+from rise_tui.editor.model.statement_forms import CallRuleForm
 from rise_tui.editor.rule_page import RulePage
 from tests.tui.editor.conftest import Editor, editor
 
@@ -82,3 +83,16 @@ async def test_a_state_is_renamed_wherever_it_is_named(study: Path) -> None:
         rule = page.editor.rule
         assert rule is not None and rule.initial == "Alone"
         assert page.draft.checked.scenario is not None, "what a template leads to is renamed too"
+
+
+async def test_after_a_removal_the_cursor_stays_among_its_kind(study: Path) -> None:
+    async with editor(study) as it:
+        page = await opened(it, "Greeting")
+        page.editor.go_to_state("Visitor comes")
+        await it.press("tab")
+        parts = page.editor.parts
+        await it.press("home", "down", "delete")
+        assert "R_Notice" not in page.draft.files["rules/greeting.xml"].decode().partition("<transition ended")[0]
+        assert parts.section_of(parts.cursor).startswith("heading:onEntry"), parts.text
+        await it.press("a")
+        assert isinstance(page.editor.panel.form, CallRuleForm), "it adds a function, and no transition"
