@@ -358,7 +358,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Adds a wording to the text under the cursor; chance picks one each time.", "wording",
            _in_editor),
     ConsoleAction("edit.uses", "Used by", ("u",), "edit",
-           "Lists the places that name what is under the cursor.", "used by", _in_editor),
+           "Lists the places that name what is under the cursor. In an act: what its text says in each condition and "
+           "language, and for each row of a table.", "used by", _in_editor),
     ConsoleAction("edit.new-state", "A new state", ("n",), "edit",
            "In a rule: adds a state after the one under the cursor. On the page of tables: adds a table.",
            "new state", _in_editor),

@@ -25,10 +25,11 @@ from rise_tui.editor.model.acts import (
     scale_line,
 )
 from rise_tui.editor.model.draft import FilePlace
-from rise_tui.editor.model.fields import EditField
+from rise_tui.editor.model.fields import EditField, FieldChoice
+from rise_tui.editor.model.said_texts import SaidText, said_texts
 from rise_tui.editor.model.study_rows import keys_by_name, setting_notes, used_lines, wrong_files
 from rise_tui.editor.page import EditFrame
-from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
+from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds, line_width, quoted
 from rise_tui.widgets.lines import RowList, RowView, StaticLines
 
 TALL = 34
@@ -136,9 +137,14 @@ class ActPage(FormPage):
             self.form.show([])
             return
         name = "wordings, one by chance" if action.is_variants else action_type(action)
-        self.parting.show(
-            crop(((f" {action.id}  {name}", "accent"), (f"  {action.reason}" if action.reason else "", "wait")), width)
+        said = self._said()
+        line: StyledLine = (
+            (f" {action.id}  {name}", "accent"),
+            (f"  {action.reason}" if action.reason else "", "wait"),
+            (f"  says {quoted(said[0].text)}" if said else "", "plain"),
         )
+        more: StyledLine = ((f"  u +{len(said) - 1} ", "key"),) if len(said) > 1 else ()
+        self.parting.show((*crop(line, width - line_width(more)), *more))
         self.form.show(action_fields(act, action, self.draft.checked))
         self._draw_file(act, width)
 
@@ -150,6 +156,14 @@ class ActPage(FormPage):
         used = used_lines(self.draft, "act", act.name, width)[: USED_LINES + 1]
         self.file.show(head, *(crop(line, width) for line in lines), *(crop(line, width) for line in used))
 
+    def _said(self) -> list[SaidText]:
+        """What the texts of the action under the cursor say, if that depends on the memory."""
+        act, action = self.act, self.action
+        if act is None or action is None:
+            return []
+        texts = [each for each in self.draft.checked.texts if each.act == act.name and each.action.id == action.id]
+        return [said for each in texts for said in said_texts(self.draft, each)]
+
     # --- keys -------------------------------------------------------------------------------------------------------
 
     @property
@@ -160,6 +174,7 @@ class ActPage(FormPage):
             "edit.remove": self._remove,
             "edit.waits": self._ask_for_waits,
             "edit.wording": self._add_wording,
+            "edit.uses": self._list_said,
         }
         if act is not None and act.reason:
             calls = dict.fromkeys(calls, lambda: self.frame.say(f"{act.name}: {act.reason}", "wait"))
@@ -229,6 +244,14 @@ class ActPage(FormPage):
             raise EditRefused(why)
         if field is not None:
             self.form.list_choices(field)
+
+    def _list_said(self) -> None:
+        """List what the action says in each condition, in each language and for each row of a table."""
+        said = self._said()
+        if not said:
+            raise EditRefused("it says the same in every condition: its text has no memory values")
+        choices = [FieldChoice(str(number), each.text, each.where) for number, each in enumerate(said)]
+        self.frame.choose("What it says, and where", choices, lambda chosen: None)
 
     def _add_wording(self) -> None:
         action = self.action
