@@ -55,14 +55,6 @@ class StudyProperty(Struct, frozen=True):
 # --- trials -----------------------------------------------------------------------------------------------------------
 
 
-TRIAL_KEYS = {
-    "state": "entering this state of a rule begins a trial; RULE/STATE where several rules have it, * for any text",
-    "key": "a change of this memory key begins a trial",
-    "columns": "memory values at the trial's end that are columns of trials.csv",
-    "speech": "the event that a program raises when the participant begins to speak",
-    "measure": "the dependent variable: a column that is a number (participant_s)",
-}
-"""The meaning of each entry of `[trials]`, for editors."""
 PARTICIPANT = "participant_s"
 SPEECH = "speech_s"
 MEASURES = (PARTICIPANT, SPEECH, "key_s", "wizard_s", "duration_s", "prompts", "repairs", "failures")

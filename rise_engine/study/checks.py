@@ -17,7 +17,9 @@ from msgspec import Struct
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.base.text import clean, escape_surrogates
 from rise_engine.scenario.files.toml_files import TomlTable
+from rise_engine.scenario.settings import names_in
 from rise_engine.study.model import Purpose, SessionEntry, Study, StudyCheck
+from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_log import LogEntry
 
 _QUANTITY = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*\Z", re.ASCII)
@@ -126,7 +128,7 @@ PARTICIPANT_CHECKS = frozenset({"consent", "participant"})
 in a session that counts."""
 
 
-_KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
+_KEYS = tuple(names_in(STUDY_TABLES, "check.*"))
 _KINDS = ("ask", "auto", "run")
 _ID = re.compile(r"[A-Za-z][A-Za-z0-9_-]*\Z")
 _LONGEST_LIMIT = 3600.0

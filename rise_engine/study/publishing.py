@@ -126,8 +126,17 @@ REPORT_ITEMS = (
     ReportItem("limits", "what having a wizard means for the conclusions"),
 )
 ITEM_NAMES = tuple(item.name for item in REPORT_ITEMS)
-PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department", "ethics", "funding")
+PUBLISHING_ITEMS = (
+    ReportItem("authors", "the authors with their ORCIDs: Doe, J. (0000-0002-1825-0097); Roe, Mary"),
+    ReportItem("license", "the licence of the data: CC-BY-4.0"),
+    ReportItem("institution", "where the study was done: the institution"),
+    ReportItem("institution_address", "its address"),
+    ReportItem("department", "the department"),
+    ReportItem("ethics", "the ethics committee and its approval"),
+    ReportItem("funding", "who paid for the study"),
+)
 """Entries that the sheet does not ask for but bundles and BIDS data sets contain."""
+PUBLISHING_NAMES = tuple(item.name for item in PUBLISHING_ITEMS)
 
 
 def read_report(study: TomlTable) -> dict[str, str]:

@@ -18,8 +18,10 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.files.study_paths import why_no_name, why_not_read
 from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.settings import names_in
 from rise_engine.study.csv_table import WHY, CsvRow, CsvTable, mail_address_in, personal_column, read_csv
 from rise_engine.study.model import ItemDescription, Participant, QuestionnaireSettings, Study
+from rise_engine.study.settings import STUDY_TABLES
 
 SUFFIXES = (".csv", ".tsv", ".txt")
 COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purpose", "outcome")
@@ -27,7 +29,7 @@ COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purp
 FACTOR_PREFIX = "factor_"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
-_KEYS = ("about", "file", "key", "run", "columns", "leave_out")
+_KEYS = tuple(names_in(STUDY_TABLES, "questionnaire.*"))
 _ITEM_KEYS = ("about", "levels")
 _QUALTRICS = '{"ImportId"'
 """The start of every cell in the third line of a Qualtrics file, whose second line has the questions."""

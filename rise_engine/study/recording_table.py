@@ -15,6 +15,7 @@ from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.ports.recorder import Recorder, RecorderError, RecorderOpener
 from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import Json
+from rise_engine.scenario.settings import names_in
 from rise_engine.study.checks import parse_length
 from rise_engine.study.model import (
     MarkerSettings,
@@ -25,6 +26,7 @@ from rise_engine.study.model import (
     Study,
     SyncSettings,
 )
+from rise_engine.study.settings import STUDY_TABLES
 
 RECORDERS = "rise.recorders"
 
@@ -54,8 +56,8 @@ def open_recorder(driver: str, name: str, options: Mapping[str, Json]) -> Record
     return opener(name, options)
 
 
-_OWN_KEYS = ("lsl", "sync", "folder", "consent")
-_COMMON_OPTIONS = ("by", "stalled")
+_OWN_KEYS = tuple(names_in(STUDY_TABLES, "recording"))
+_COMMON_OPTIONS = tuple(names_in(STUDY_TABLES, "recording.*"))
 SHORTEST_STALL, LONGEST_STALL = 3.0, 3600.0
 """Seconds."""
 _RESERVED_NAMES = frozenset({"lsl", "marks", "recorders"})
@@ -160,7 +162,7 @@ def _read_markers(table: TomlTable) -> MarkerSettings | None:
     if not isinstance(value, dict):
         table.report_value("wrong-type", "lsl", '`lsl` is true or false, or a table: lsl = { scope = "machine" }')
         return None
-    settings = table.section("lsl", ("scope", "payload"))
+    settings = table.section("lsl", names_in(STUDY_TABLES, "recording.lsl"))
     scope = read_choice(settings, "scope", _SCOPES, "machine")
     return MarkerSettings(scope, read_choice(settings, "payload", _PAYLOADS, "short"))
 
@@ -172,7 +174,7 @@ def _read_sync(table: TomlTable) -> SyncSettings | None:
     if not isinstance(value, dict):
         table.report_value("wrong-type", "sync", '`sync` is true or false, or a table: sync = { medium = "sound" }')
         return None
-    settings = table.section("sync", ("start", "end", "medium", "play"))
+    settings = table.section("sync", names_in(STUDY_TABLES, "recording.sync"))
     medium = read_choice(settings, "medium", _MEDIA, "sound")
     play = settings.read_texts("play", ())
     if play and not any("{file}" in each for each in play):

@@ -21,7 +21,9 @@ from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_not_read
 from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SESSION, Json, Scenario
+from rise_engine.scenario.settings import names_in
 from rise_engine.study.model import Factor, FactorKind, Level, Study
+from rise_engine.study.settings import STUDY_TABLES
 
 
 def scenario_folder(study: Study, named: str = "") -> str:
@@ -95,8 +97,8 @@ def _from_study(diagnostic: Diagnostic, name: str) -> Diagnostic:
 # --- factors ----------------------------------------------------------------------------------------------------------
 
 
-_FACTOR_KEYS = ("kind", "levels", "labels", "label_only")
-_LEVEL_KEYS = ("memory", "scenario", "description")
+_FACTOR_KEYS = tuple(names_in(STUDY_TABLES, "factors.*"))
+_LEVEL_KEYS = tuple(names_in(STUDY_TABLES, "factors.*.levels.*"))
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _LEVELS_FORM = "`levels` is a table: levels.yes.memory = { hesitation = true }"

@@ -15,6 +15,7 @@ from rise_engine.scenario.files.study_paths import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, is_integer, read_toml
 from rise_engine.scenario.files.tree import FileTree, Held
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation
+from rise_engine.scenario.settings import names_in
 from rise_engine.study.checks import DAY, parse_length, read_checks
 from rise_engine.study.csv_table import WHY, personal_column
 from rise_engine.study.model import AssignmentSettings, BetweenMethod, Study, WithinMethod
@@ -22,29 +23,11 @@ from rise_engine.study.plan import PLAN_COLUMNS, cells, rows_wanted, runs, with_
 from rise_engine.study.publishing import read_report
 from rise_engine.study.questionnaires import read_questionnaires
 from rise_engine.study.recording_table import read_choice, read_recording
+from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_scenarios import check_levels, load_scenarios, read_factors
 
-TOP_KEYS = (
-    "title",
-    "id",
-    "seed",
-    "n",
-    "scenario",
-    "mode",
-    "robot",
-    "factors",
-    "assignment",
-    "strata",
-    "consent",
-    "check",
-    "participants",
-    "wizards",
-    "retention",
-    "recording",
-    "report",
-    "questionnaire",
-)
-_ASSIGNMENT_KEYS = ("between", "block", "strata", "within", "spare", "hidden")
+TOP_KEYS = tuple(names_in(STUDY_TABLES, ""))
+_ASSIGNMENT_KEYS = tuple(names_in(STUDY_TABLES, "assignment"))
 BETWEEN: tuple[BetweenMethod, ...] = ("blocks", "minimise", "random", "list")
 WITHIN: tuple[WithinMethod, ...] = ("williams", "latin", "all", "fixed", "random")
 MAX_PARTICIPANTS, MAX_SEED, MAX_BLOCK, MAX_SPARE = 10_000, 2**53, 20, 10.0
@@ -55,7 +38,7 @@ COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 RESERVED_COLUMNS = ("participant", "status", "comment")
 """Columns of participants.csv that every study has."""
 CONSENT_PREFIX = "consent_"
-_RETAINED = ("media", "sessions")
+_RETAINED = tuple(names_in(STUDY_TABLES, "retention"))
 
 
 class StudyLoad(Struct, frozen=True):
@@ -295,7 +278,7 @@ class _StudyReader:
         return tuple(sizes)
 
     def read_consent(self) -> tuple[str, ...]:
-        table = self.table.section("consent", ("needed",))
+        table = self.table.section("consent", names_in(STUDY_TABLES, "consent"))
         needed = table.read_texts("needed", ())
         for at, name in enumerate(needed):
             location = table.value_location("needed", str(at))
@@ -311,7 +294,7 @@ class _StudyReader:
 
     def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:
         """Return the further columns with their descriptions, which are empty if `columns` is a list."""
-        table = self.table.section("participants", ("columns",))
+        table = self.table.section("participants", names_in(STUDY_TABLES, "participants"))
         described = table.values.get("columns")
         if isinstance(described, dict):
             inner = table.section("columns")

@@ -5,30 +5,31 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import zip_longest
 from typing import ClassVar
 
+from textual import on
 from textual.app import ComposeResult
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
-from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.edits import AnyEdit, RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
+from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_tui.editor.form import FormPage
-from rise_tui.editor.model.data_fields import (
-    Addition,
-    additions,
-    key_choices,
-    key_fields,
-    memory_fields,
-    new_key_edits,
-    setting_fields,
-)
-from rise_tui.editor.model.draft import FilePlace, is_study_alone
-from rise_tui.editor.model.fields import TYPED, EditField
+from rise_tui.editor.model.additions import Addition, additions
+from rise_tui.editor.model.data_fields import key_choices, key_fields, memory_fields, new_key_edits
+from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.fields import TYPED, EditField, FieldNote
+from rise_tui.editor.model.setting_fields import depends_on_design, plan_lines, setting_fields
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, crop
-from rise_tui.widgets.lines import StaticLines
+from rise_tui.widgets.lines import RowView, StaticLines
+
+
+def _is_empty(field: EditField, after: EditField | None) -> bool:
+    """Whether a field is a heading without a field below it."""
+    return field.kind == "heading" and (after is None or after.kind == "heading")
 
 
 class DataPage(FormPage):
@@ -60,14 +61,16 @@ class DataPage(FormPage):
 
     def draw(self) -> None:
         fields, (noun, after) = self.make_fields(), self.COUNTED
-        count = pluralize(len(fields), noun) + after
-        note = self.EMPTY if not fields else count if not self.wanted else f"find {self.wanted}"
+        number = sum(each.kind != "heading" for each in fields)
+        count = pluralize(number, noun) + after
+        note = self.EMPTY if not number else count if not self.wanted else f"find {self.wanted}"
         head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
-        wanted = self.wanted.casefold()
-        self.form.show([each for each in fields if wanted in f"{each.label} {each.text} {each.note}".casefold()])
-        if self.form.rows.cursor < 0:
-            self.form.rows.move_cursor(0, by_wizard=False)
+        found = [each for each in fields if each.kind == "heading" or self._is_wanted(each)]
+        self.form.show([each for each, after in zip_longest(found, found[1:]) if not _is_empty(each, after)])
+
+    def _is_wanted(self, field: EditField) -> bool:
+        return self.wanted.casefold() in f"{field.label} {field.text} {field.note}".casefold()
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
@@ -192,25 +195,73 @@ class KeysPage(DataPage):
 
 
 class SettingsPage(DataPage):
-    """The settings of scenario.toml and study.toml."""
+    """The settings of scenario.toml and study.toml. Below a setting of a study's design is the plan that it gives."""
 
     KIND: ClassVar[str] = "settings"
     TITLE, EMPTY = "SETTINGS", "scenario.toml cannot be read: e opens it"
+    COUNTED = "setting", ""
+    DEFAULT_CSS = "SettingsPage #effect { height: auto; border-top: solid $rise-muted; display: none; }"
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        super().__init__(frame, name)
+        self.effect = StaticLines(id="effect")
+        self._previewed: Files = {}
+        """The files with the typed text; while nothing is typed, they have no meaning."""
+
+    def compose(self) -> ComposeResult:
+        yield from super().compose()
+        yield self.effect
 
     @property
     def hints(self) -> Mapping[str, str]:
-        add = "check, factor" if is_study_alone(self.draft) else "of an act"
-        return {"edit.open": "change", "edit.add": add, "edit.remove": "clear"}
+        return {"edit.open": "change", "edit.add": "add", "edit.remove": "clear"}
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
-        return {**self.form_calls, "edit.add": self._ask_to_add}
+        return {**self.form_calls, "edit.open": self._open, "edit.add": self._ask_to_add}
 
     def make_fields(self) -> Sequence[EditField]:
         return setting_fields(self.draft)
 
+    def _open(self) -> None:
+        self._previewed = {}
+        self.form.open_current()
+
+    # --- the plan of a study ------------------------------------------------------------------------------------------
+
+    def draw(self) -> None:
+        super().draw()
+        self._draw_effect()
+
+    @on(RowView.CursorMoved)
+    def _moved(self) -> None:
+        self._draw_effect()
+
+    def on_descendant_blur(self) -> None:
+        """A field has closed: the typed text no longer counts."""
+        self._draw_effect()
+
+    def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
+        found = super().new_findings(edits)
+        if not any(each.level == "error" for each in found):
+            self._previewed = self.frame.study.workspace.preview_edits(*edits())[0].files
+            self._draw_effect()
+        return found
+
+    def _draw_effect(self) -> None:
+        """Show the plan that the design gives, with the typed text, while the cursor is on a setting of the design."""
+        field = self.form.current
+        files = self._previewed if self.is_typing and self._previewed else self.draft.files
+        is_design = field is not None and depends_on_design(field)
+        lines = plan_lines(self.draft.folder, files)[: max(3, self.size.height // 4)] if is_design else []
+        self.effect.display = bool(lines)
+        self.effect.styles.height = len(lines) + 1
+        self.effect.show(*(crop(((f" {line}", "plain"),), max(20, self.size.width)) for line in lines))
+
+    # --- additions ----------------------------------------------------------------------------------------------------
+
     def _ask_to_add(self) -> None:
-        """Offer an act's settings and, in a study, a check, a factor, a level, or a start value of a level."""
+        """Offer everything that can be added: settings of acts, conditions, properties, checks, factors, recorders."""
         found = {each.choice.value: each for each in additions(self.draft)}
 
         def take(chosen: str) -> None:
@@ -220,13 +271,11 @@ class SettingsPage(DataPage):
             else:
                 self._add(addition, "")
 
-        if not found:
-            raise EditRefused("there are no acts yet")
         self.frame.choose("What is added?", [each.choice for each in found.values()], take)
 
     def _add(self, addition: Addition, typed: str) -> None:
-        edit, id = addition.make(typed)
-        self.make(edit, then=lambda: self.go_to(id))
+        edits, id = addition.make(typed)
+        self.make(*edits, then=lambda: self.go_to(id))
 
     @property
     def place(self) -> FilePlace | None:

@@ -8,15 +8,17 @@ from typing import get_args
 
 from msgspec import Struct
 
+from rise_engine.author.lsp.hover import table_path
 from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.checking.cross_references import engine_topics
-from rise_engine.scenario.explore_settings import MEASURES, TRIAL_KEYS, ExploredKeys
+from rise_engine.scenario.explore_settings import MEASURES, ExploredKeys
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.grammar import COMMON, AttributeForm, form_of
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
-from rise_engine.scenario.reading.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_TABLES
+from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES
+from rise_engine.scenario.settings import SCENARIO_TABLES, names_in, table_at
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
@@ -75,11 +77,12 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
     line = before[before.rfind("\n") + 1 :]
     headers = _TOML_HEADER.findall(before)
     table = headers[-1] if headers else ""
+    entry = _TOML_KEY.search(line)
+    if entry is not None and entry.start() == 0 and (names := _setting_names(before)):
+        return len(before) - len(entry.group(1)), names
     if table.partition(".")[0] in ("explore", *PROPERTY_TABLES):
         return _in_explored(checked, table, line, len(before))
     found = _TOML_TEXT.search(line)
-    if found is None and table == "trials" and (entry := _TOML_KEY.search(line)) is not None and entry.start() == 0:
-        return len(before) - len(entry.group(1)), [Proposal(each, "value", note) for each, note in TRIAL_KEYS.items()]
     if found is None:
         return len(before), []
     key, written = found.groups()
@@ -105,14 +108,19 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
     return len(before), []
 
 
+def _setting_names(before: str) -> list[Proposal]:
+    """The names that the table at the end of a text may have."""
+    table = table_at(SCENARIO_TABLES, table_path(before))
+    names = names_in(SCENARIO_TABLES, table.path) if table is not None else {}
+    return [Proposal(name, "value", meaning) for name, meaning in names.items()]
+
+
 def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[int, list[Proposal]]:
     """Complete in `[explore]` and in the tables of properties."""
     key = _TOML_KEY.search(line)
     if table == "explore":
         if _IN_TRIES.search(line) is not None and key is not None:
             return end - len(key.group(1)), _keys(checked)
-        if key is not None and key.start() == 0:
-            return end - len(key.group(1)), [Proposal(each, "value", note) for each, note in EXPLORE_KEYS.items()]
         found = _TOML_TEXT.search(line)
         name, written = found.groups() if found is not None else ("", "")
         values = {"keys": get_args(ExploredKeys), "pace": ("any",)}.get(name, ())
@@ -140,8 +148,8 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
             return end, []
         functions = [Proposal(f"{each.name}(", "value", each.meaning) for each in SITUATION_SIGNATURES]
         return end - len(_word(text.group(2))), [*_keys(checked), *functions]
-    if key is not None and (table.startswith("eventually.") or (table == "eventually" and "{" in line)):
-        return end - len(key.group(1)), [Proposal(each, "value", note) for each, note in EVENTUALLY_KEYS.items()]
+    if key is not None and table == "eventually" and "{" in line:
+        return end - len(key.group(1)), _setting_names("[eventually.a]")
     return end, []
 
 

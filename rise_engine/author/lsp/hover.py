@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from rise_engine.author.lsp.served_study import ServedStudy
 from rise_engine.base.json_codec import encode
@@ -11,27 +11,23 @@ from rise_engine.base.text import pluralize
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.checking.uses import Use
-from rise_engine.scenario.explore_settings import TRIAL_KEYS
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names
-from rise_engine.scenario.reading.explore_tables import (
-    EVENTUALLY_KEYS,
-    EXPLORE_KEYS,
-    PROPERTY_MEANINGS,
-    PROPERTY_TABLES,
-)
+from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES
+from rise_engine.scenario.settings import ANY, SCENARIO_TABLES, setting_at, table_at
+from rise_engine.syntax.toml import KEY_PART
 
-_HEADER = re.compile(r"^[ \t]*\[[ \t]*([\w-]+)([^\]\n]*)\]", re.MULTILINE)
+_HEADER = re.compile(r"^[ \t]*\[([^\]\n]*)\]", re.MULTILINE)
 
 
-def table_at(before: str) -> tuple[str, str]:
-    """Return the table at the end of a text, and the rest of its header: `.a` of `[eventually.a]`.
+def table_path(before: str) -> tuple[str, ...]:
+    """Return the path of the table at the end of a text. Empty: the top of the file.
 
-    >>> table_at('[explore]\\nfaults = 1\\n[eventually."it ends"]\\nthen')
-    ('eventually', '."it ends"')
+    >>> table_path('[explore]\\nfaults = 1\\n[eventually."it ends"]\\nthen')
+    ('eventually', 'it ends')
     """
-    headers = list(_HEADER.finditer(before))
-    return (headers[-1].group(1), headers[-1].group(2)) if headers else ("", "")
+    headers = _HEADER.findall(before)
+    return tuple(part.strip("\"'") for part in KEY_PART.findall(headers[-1])) if headers else ()
 
 
 def opened_text(line: str) -> int | None:
@@ -56,42 +52,44 @@ def opened_text(line: str) -> int | None:
     return opened
 
 
-# --- [trials], [explore], [always], [reachable], [eventually] ---------------------------------------------------------
+# --- scenario.toml ----------------------------------------------------------------------------------------------------
 
 
-_HEADER_LINE = re.compile(r"\s*\[\s*([\w-]+)[^\]]*\]")
 _ENTRY = re.compile(r"([\w-]+)\s*=")
 _CALL = re.compile(r"\b(in|rule|runs|waits)\s*\(")
 _TEXT = re.compile(r""""([^"\\]*)"|'([^']*)'""")
-_MEANINGS: Mapping[str, str] = {
-    "explore": "what `rise-engine explore` looks at",
-    "trials": "what a trial is: a row of trials.csv",
-    **{str(kind): meaning for kind, meaning in PROPERTY_MEANINGS.items()},
-}
 
 
-def explore_notes(text: str, offset: int) -> Iterator[str]:
+def setting_notes(text: str, offset: int) -> Iterator[str]:
     """Yield notes in Markdown about a place of scenario.toml, apart from the names there."""
     start = text.rfind("\n", 0, offset) + 1
     line, column = text[start:].partition("\n")[0], offset - start
-    if (header := _HEADER_LINE.match(line)) is not None and column <= header.end():
-        if (name := header.group(1)) in _MEANINGS:
-            yield f"**[{name}]**: {_MEANINGS[name]}"
+    if (header := _HEADER.match(line)) is not None and column <= header.end():
+        if (table := table_at(SCENARIO_TABLES, table_path(line))) is not None:
+            yield f"**{header.group().strip()}**: {table.meaning}"
         return
-    table, _ = table_at(text[:offset])
+    path = table_path(text[:start])
     opened = opened_text(line[:column])
     if opened is None:
-        known = {"explore": EXPLORE_KEYS, "eventually": EVENTUALLY_KEYS, "trials": TRIAL_KEYS}.get(table, {})
         for found in _ENTRY.finditer(line):
-            if found.start() <= column <= found.end(1) and found.group(1) in known:
-                yield f"**{found.group(1)}**: {known[found.group(1)]}"
-    elif table in PROPERTY_TABLES and line[:opened].rstrip().endswith("="):
+            if found.start() <= column <= found.end(1):
+                yield from _setting_note(path, found.group(1))
+    elif path[:1] and path[0] in PROPERTY_TABLES and line[:opened].rstrip().endswith("="):
         for found in _CALL.finditer(line, opened):
             signature = next(each for each in SITUATION_SIGNATURES if each.name == found.group(1))
             if found.start() <= column <= found.end(1):
                 yield f"{signature.usage}: {signature.meaning}"
         if (whole := _TEXT.match(line, opened)) is not None:
             yield from _reading(whole.group(1) if whole.group(1) is not None else whole.group(2))
+
+
+def _setting_note(path: tuple[str, ...], name: str) -> Iterator[str]:
+    """Yield the meaning of an entry of a table, or of an inline table in it."""
+    for inside in ((), (ANY,)):
+        if (setting := setting_at(SCENARIO_TABLES, (*path, *inside, name))) is not None:
+            usual = f" (default: {setting.usual})" if setting.usual else ""
+            yield f"**{name}**: {setting.meaning}{usual}"
+            return
 
 
 def _reading(written: str) -> Iterator[str]:
@@ -128,7 +126,7 @@ def hover_text(study: ServedStudy, name: str, offset: int) -> str:
             if found.start() <= offset - line_start <= found.end():
                 parts.append(_describe_element(study, found.group(1)))
     elif name.lower().endswith(".toml"):
-        parts += explore_notes(source.text, offset)
+        parts += setting_notes(source.text, offset)
     return "\n\n".join(part for part in parts if part)
 
 

@@ -22,12 +22,13 @@ from rise_engine.scenario.model import (
     SourceLocation,
     parse_failure_policy,
 )
+from rise_engine.scenario.settings import SCENARIO_TABLES, names_in
 from rise_engine.syntax.toml import toml_key
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
 """Maximum number of tables with wildcards, because each is compared with each act."""
-SETTINGS = ("hold", "debounce", "filler", "answers", "calling_type", "on_failure")
+SETTINGS = tuple(names_in(SCENARIO_TABLES, "act.*"))
 _CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 

@@ -19,12 +19,12 @@ from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, is_integer
 from rise_engine.scenario.model import SESSION, Condition, Json, Scenario
+from rise_engine.scenario.settings import SCENARIO_TABLES, names_in
 from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
 MAX_CONDITION_LABEL = 24
 """Maximum characters of a `label`, because it shares the status line."""
-_CONDITION_KEYS = ("memory", "label", "label_only")
 
 
 def how_to_write(name: str) -> str:
@@ -120,7 +120,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
     inner = table.subtable(name, f"a condition is a table: [conditions.{toml_key(name)}]")
     if inner is None:
         return Condition()
-    inner.report_unknown_keys(_CONDITION_KEYS)
+    inner.report_unknown_keys(names_in(SCENARIO_TABLES, "conditions.*"))
     label_only = inner.read("label_only", bool, False)
     memory = inner.subtable("memory", "`memory` says the values that the condition sets: memory = { KEY = VALUE }")
     values: dict[str, Json] = {} if memory is None else memory.values

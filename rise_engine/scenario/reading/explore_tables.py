@@ -14,7 +14,6 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.explore_settings import (
     MEASURES,
     PARTICIPANT,
-    TRIAL_KEYS,
     ExploredKeys,
     ExploreSettings,
     PropertyKind,
@@ -25,30 +24,12 @@ from rise_engine.scenario.explore_settings import (
 from rise_engine.scenario.files.toml_files import TomlTable, character_location, is_integer
 from rise_engine.scenario.model import Json, Rule, SourceLocation, normal_topic
 from rise_engine.scenario.reading.expression_checks import expression_message, note_property
+from rise_engine.scenario.settings import SCENARIO_TABLES, names_in
 from rise_engine.syntax.toml import toml_key
 
-EXPLORE_KEYS = {
-    "end": "the rule whose end is the end of the study; without it, the rule of the first key that starts one",
-    "faults": "how many things go wrong on one path, 0 to 5 (1)",
-    "line": "how many acts wait at most, 0 to 5 (1)",
-    "beside": "how many acts of calling type None run at once, 0 to 5 (2)",
-    "pace": 'least and greatest duration of acts, as multiples of the expected one ([0.5, 3.0]); "any": any time',
-    "tries": "for a memory key, the values that somebody may type or a node may write",
-    "keys": '"rules" (the usual), or "all": also the keys that start acts by hand',
-}
-"""The meaning of each entry of `[explore]`, for editors."""
 PROPERTY_TABLES: tuple[PropertyKind, ...] = get_args(PropertyKind)
-PROPERTY_MEANINGS: dict[PropertyKind, str] = {
-    "always": "it holds in every situation",
-    "reachable": "every situation can still lead to it",
-    "eventually": "it happens without help, as acts end and time passes",
-}
-EVENTUALLY_KEYS = {
-    "after": "the situation from which it must happen; without it, from every situation",
-    "then": "what happens without help",
-    "unless": "what makes it unnecessary",
-}
-"""The meaning of each part of an entry of `[eventually]`, for editors."""
+_EVENTUALLY_KEYS = tuple(names_in(SCENARIO_TABLES, "eventually.*"))
+_TRIAL_KEYS = tuple(names_in(SCENARIO_TABLES, "trials"))
 MAX_AT_ONCE = 5
 """The limit for faults, waiting acts and parallel acts. Each more multiplies the situations by ten."""
 MAX_PACE = 1_000.0
@@ -57,7 +38,7 @@ _PACE_FORM = 'pace = [0.5, 3.0], or pace = "any"'
 
 def read_explore(settings: TomlTable, draft: ScenarioDraft) -> ExploreSettings:
     """Read `[explore]`, with defaults for missing entries."""
-    table = settings.section("explore", EXPLORE_KEYS)
+    table = settings.section("explore", names_in(SCENARIO_TABLES, "explore"))
     usual = ExploreSettings()
     return ExploreSettings(
         end=_read_end(table, draft),
@@ -187,10 +168,10 @@ class _PropertyReader:
         inner = self.table.subtable(self.name, f"`then` says what happens without help, and `after` from where: {form}")
         if inner is None:
             return None
-        inner.report_unknown_keys(EVENTUALLY_KEYS)
+        inner.report_unknown_keys(_EVENTUALLY_KEYS)
         if "then" not in inner.values:
             inner.report_key("missing-value", f"`{self.name}` does not say what happens without help: {form}")
-        parts = {key: self.read_condition(inner, key) for key in EVENTUALLY_KEYS if key in inner.values}
+        parts = {key: self.read_condition(inner, key) for key in _EVENTUALLY_KEYS if key in inner.values}
         then = parts.get("then")
         if then is None:
             return None
@@ -234,7 +215,7 @@ def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | No
     """
     if "trials" not in settings.values:
         return None
-    table = settings.section("trials", TRIAL_KEYS)
+    table = settings.section("trials", _TRIAL_KEYS)
     state = (table.read("state", str, "", form=': state = "Ask"') or "").strip()
     key = _read_value(table, ("key",), table.values["key"], draft) if "key" in table.values else None
     if state and "key" in table.values:
@@ -243,7 +224,7 @@ def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | No
         )
     elif not state and "key" not in table.values:
         message = '[trials] does not say what begins a trial: state = "STATE" of a rule, or key = "KEY" of the memory'
-        if set(table.values) <= set(TRIAL_KEYS):  # a mistyped `state` has its own error
+        if set(table.values) <= set(_TRIAL_KEYS):  # a mistyped `state` has its own error
             table.report_key("missing-value", message)
         return None
     if key is not None and not isinstance(key.root, Key):

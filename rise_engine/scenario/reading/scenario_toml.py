@@ -25,37 +25,14 @@ from rise_engine.scenario.model import (
 from rise_engine.scenario.reading.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.reading.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.reading.element_reader import MIN_SECONDS
-from rise_engine.scenario.reading.explore_tables import PROPERTY_TABLES, read_explore, read_properties, read_trials
+from rise_engine.scenario.reading.explore_tables import read_explore, read_properties, read_trials
 from rise_engine.scenario.reading.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.reading.suppressions import check_warning_code
+from rise_engine.scenario.settings import SCENARIO_TABLES, names_in
 from rise_engine.scenario.speech.languages import language_problem
 from rise_engine.syntax.toml import toml_key
 
-TOP_KEYS = (
-    "title",
-    "language",
-    "languages",
-    "robot",
-    "mode",
-    "acts",
-    "rules",
-    "memory",
-    "keys",
-    "act",
-    "fillers",
-    "cue",
-    "control",
-    "study",
-    "conditions",
-    "private",
-    "on_failure",
-    "actions",
-    "places",
-    "check",
-    "explore",
-    "trials",
-    *PROPERTY_TABLES,
-)
+TOP_KEYS = tuple(names_in(SCENARIO_TABLES, ""))
 BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "act": ("startCommunicationRobotAct", "name an act"),
     "rule": ("startInteractionRule", "name a rule"),
@@ -69,7 +46,7 @@ _START_KEYS = ("state", "enter")
 """With `rule`: the state in which the rule begins, and whether it runs `onEntry`."""
 MAX_LABEL_LENGTH = 24
 """Maximum characters of the `label` of a key, because several share one line."""
-_ALLOW_KEYS = ("code", "key", "reason")
+_ALLOW_KEYS = tuple(names_in(SCENARIO_TABLES, "check.allow.*"))
 MIN_AUTO_AFTER, MAX_FILLER_DELAY = 0.5, 600.0
 """Seconds. An earlier filler would interrupt the participant's own pauses."""
 
@@ -107,6 +84,10 @@ class ScenarioSettings:
         self.trials = read_trials(self.table, draft)
         self.suppressions = self.read_suppressions()
         """Silenced warnings about keys of the memory file: location, code, key, reason."""
+
+    def section(self, name: str) -> TomlTable:
+        """A table with its known entries only."""
+        return self.table.section(name, names_in(SCENARIO_TABLES, name))
 
     def read_text(self, key: str, usual: str) -> str:
         value = self.table.values.get(key)
@@ -147,7 +128,7 @@ class ScenarioSettings:
         return tuple(tag for tag in also if not language_problem(tag) and tag.lower() != self.language.lower())
 
     def read_suppressions(self) -> list[tuple[SourceLocation, str, str, str]]:
-        table = self.table.section("check", ("allow",))
+        table = self.section("check")
         listed = table.values.get("allow", [])
         form = 'allow = [{ code = "unwritable-key", key = "...", reason = "..." }]'
         if not isinstance(listed, list) or not all(isinstance(each, dict) for each in listed):
@@ -167,7 +148,7 @@ class ScenarioSettings:
 
     def read_study(self) -> tuple[dict[str, Any], dict[str, Condition]]:
         """Read the number of participants, the conditions, and their memory values."""
-        table = self.table.section("study", ("participants", "conditions"))
+        table = self.section("study")
         study = read_study(table)
         conditions = read_conditions(self.table.section("conditions"), table, study.get("conditions", []), self.draft)
         return study, conditions
@@ -236,7 +217,7 @@ class ScenarioSettings:
 
     def read_cue(self) -> float | None:
         """Read how long the participant's cue is kept for a rule that waits for it later."""
-        table = self.table.section("cue", ("keep",))
+        table = self.section("cue")
         if "keep" not in table.values:
             return None
         self.draft.raised_topics.append(Mention(CUE_TOPICS[0], partial(table.key_location, "keep")))
@@ -273,7 +254,7 @@ class ScenarioSettings:
         return state.strip(), enter
 
     def read_fillers(self) -> FillerSettings:
-        table = self.table.section("fillers", ("offer_after", "auto_after"))
+        table = self.section("fillers")
         usual = FillerSettings()
         offer = read_seconds(table, "offer_after", usual.offer_after, 0.0, MAX_FILLER_DELAY)
         auto = read_seconds(table, "auto_after", usual.auto_after, MIN_AUTO_AFTER, MAX_FILLER_DELAY)
@@ -284,7 +265,7 @@ class ScenarioSettings:
 
     def read_control(self) -> tuple[str, ...]:
         """Read who may release a stop besides the client with control."""
-        table = self.table.section("control", ("may_release",))
+        table = self.section("control")
         names = table.values.get("may_release", [])
         if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):
             message = (

@@ -25,9 +25,9 @@ from rise_tui.rendering.text import (
     wrap,
 )
 
-FieldKind: TypeAlias = Literal["text", "choice", "many", "fixed", "option", "ticks"]
+FieldKind: TypeAlias = Literal["text", "choice", "many", "fixed", "option", "ticks", "heading"]
 """`text`: typed in its row. `choice`, `many`: one or any number of `choices`, in a list that opens. `fixed`: only
-shown. `option`, `ticks`: one or any number of `choices`, all of them in the form."""
+shown. `option`, `ticks`: one or any number of `choices`, all of them in the form. `heading`: above other fields."""
 NoteLevel: TypeAlias = Literal["error", "warning", "info"]
 NOT_GIVEN = "–"
 TYPED = "as it is typed"
@@ -199,6 +199,7 @@ class FormColumns(NamedTuple):
 
 def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
     """Columns for the longest label and value. An unusually long value moves only its own note."""
+    fields = [each for each in fields if each.kind != "heading"]
     label = max((cell_width(_label(each)) for each in fields), default=0) + 1
     value = min(max(MIN_LABEL + 3, label), max(MIN_LABEL + 3, width // 3))
     values = [cell_width(_value(each)) for each in fields if each.reason or each.note]
@@ -213,6 +214,10 @@ def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("
     columns = form_columns(fields, width)
     rows: list[ListRow] = []
     for each in fields:
+        if each.kind == "heading":
+            line: StyledLine = ((f" {clean(each.label)}", "accent"), (f"  {each.note}", "muted"))
+            rows.append(ListRow("", crop(line, width), selectable=False))
+            continue
         full = f"{each.label} {each.text or ''}"
         if each.kind in ("option", "ticks"):
             lines = _option_lines(each, columns, width, at[1] if at[0] == each.id else -1)

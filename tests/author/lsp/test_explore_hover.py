@@ -1,10 +1,10 @@
-"""What is told about the tables of what is explored."""
+"""The notes on tables and entries of scenario.toml."""
 
 from __future__ import annotations
 
 import pytest
 
-from rise_engine.author.lsp.hover import explore_notes
+from rise_engine.author.lsp.hover import setting_notes
 
 TEXT = """[explore]
 faults = 2 # runs('x')
@@ -20,9 +20,9 @@ end = { event = "runs(" }
 @pytest.mark.parametrize(
     ("here", "expected"),
     [
-        ("ex|plore]", ["**[explore]**: what `rise-engine explore` looks at"]),
-        ("[always|]", ["**[always]**: it holds in every situation"]),
-        ("fau|lts", ["**faults**: how many things go wrong on one path, 0 to 5 (1)"]),
+        ("ex|plore]", ["**[explore]**: How much “explore” looks at"]),
+        ("[always|]", ["**[always]**: Properties that hold in every situation"]),
+        ("fau|lts", ["**faults**: How many things go wrong on one path, 0 to 5 (default: 1)"]),
         ("# ru|ns", []),
         ('"runs| well', []),
         (
@@ -33,10 +33,10 @@ end = { event = "runs(" }
             ],
         ),
         ("ne|ar and not", ['read as `near and (not (runs("R_A") or in("R", "S")))`']),
-        ("the|n =", ["**then**: what happens without help"]),
+        ("the|n =", ["**then**: What happens without help"]),
         ("wai|ts(", ["`waits('Act')`: whether this act waits to be run, at least once", 'read as `waits("R_A")`']),
         ("nea|r and (", []),  # cannot be read; the finding says why
-        ("[ke|ys]", []),
+        ("[ke|ys]", ["**[keys]**: What each key does"]),
         ("en|d =", []),
         ('"ru|ns("', []),
     ],
@@ -45,4 +45,4 @@ def test_it_is_told(here: str, expected: list[str]) -> None:
     before, _, behind = here.partition("|")
     assert TEXT.count(before + behind) == 1
     offset = TEXT.index(before + behind) + len(before)
-    assert list(explore_notes(TEXT, offset)) == expected
+    assert list(setting_notes(TEXT, offset)) == expected

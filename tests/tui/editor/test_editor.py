@@ -234,7 +234,7 @@ async def test_how_an_act_is_treated_is_set_and_a_robot_is_chosen(study: Path) -
         await it.press("enter")
         await it.until(lambda: it.screen.study.draft.checked.scenario is not None)
         await it.until(lambda: it.screen.study.draft.checked.scenario.settings_of("R_Greeting").hold)
-        page.go_to("robot")
+        page.go_to("scenario.toml\0robot")
         await it.press("enter")
         await it.shows(PickList)
         await it.type("nao")

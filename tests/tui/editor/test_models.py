@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,10 @@ from rise_engine.author.edit.edits import (
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
+from rise_engine.scenario.settings import SCENARIO_TABLES, SettingTable
+from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_toml import load_study
+from rise_tui.editor.data_pages import SettingsPage
 from rise_tui.editor.model.acts import (
     action_fields,
     action_rows,
@@ -27,12 +31,16 @@ from rise_tui.editor.model.acts import (
     parameter_note,
     scale_line,
 )
-from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
+from rise_tui.editor.model.additions import additions
+from rise_tui.editor.model.data_fields import key_fields
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of, first_new_finding
+from rise_tui.editor.model.fields import EditField
+from rise_tui.editor.model.setting_fields import plan_lines, setting_fields
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
 from rise_tui.editor.page import top_line
 from rise_tui.rendering.text import line_width, plain_text
 from tests.study.studies import DESIGN, write_study
+from tests.tui.editor.conftest import editor
 
 
 @pytest.fixture
@@ -94,28 +102,99 @@ def test_used_by_names_rules_and_keys_and_a_line_leads_back_to_its_act(draft: St
 def test_a_setting_stays_what_it_is(study: Path) -> None:
     file = study / "scenario.toml"
     file.write_text(file.read_text() + "\n[fillers]\noffer_after = 2\n")
-    fields = {each.label: each for each in setting_fields(draft_of(Workspace(study)))}
+    fields = settings_of(study)
     assert fields["title"].edits("5") == (SetSetting(("title",), "5"),)
     assert fields["fillers.offer_after"].edits("1.5") == (SetSetting(("fillers", "offer_after"), 1.5),)
-    with pytest.raises(EditRefused, match=r"fillers\.offer_after is an integer; “soon” is string"):
+    with pytest.raises(EditRefused, match="offer_after is a number; not “soon”"):
         fields["fillers.offer_after"].edits("soon")
+
+
+def settings_of(study: Path | Workspace, file: str = "scenario.toml") -> dict[str, EditField]:
+    """The fields of a file's settings, by their paths with dots."""
+    workspace = study if isinstance(study, Workspace) else Workspace(study)
+    fields = [each for each in setting_fields(draft_of(workspace)) if each.id.startswith(f"{file}\0")]
+    return {each.id.partition("\0")[2].replace("\0", "."): each for each in fields}
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "value"),
+    [
+        ("mode", "real", "real"),
+        ("trials.columns", "task, items[i].text", ["task", "items[i].text"]),
+        ("explore.faults", "2", 2),
+        ("explore.pace", "[0.5, 2]", [0.5, 2]),
+        ("explore.pace", "any", "any"),
+        ("cue.keep", "3s", "3s"),
+        ("languages.also", "de", ["de"]),
+        ("study.participants", "40", 40),
+    ],
+)
+def test_each_setting_is_offered_with_a_sentence_and_set_as_its_kind(
+    study: Path, name: str, typed: str, value: object
+) -> None:
+    field = settings_of(study)[name]
+    assert field.note[0].isupper() and len(field.note.split()) > 2
+    assert field.edits(typed) == (SetSetting(tuple(name.split(".")), value),)
+
+
+@pytest.mark.parametrize(
+    ("name", "typed", "why"),
+    [
+        ("explore.faults", "1.5", "faults is a whole number; not “1.5”"),
+        ("explore.faults", "1, 2", "faults is one whole number; not “1, 2”"),
+        ("study.participants", "true", "participants is a whole number; not “true”"),
+    ],
+)
+def test_a_setting_of_another_kind_is_refused(study: Path, name: str, typed: str, why: str) -> None:
+    with pytest.raises(EditRefused, match=why):
+        settings_of(study)[name].edits(typed)
+
+
+def test_settings_stand_below_the_headings_of_their_tables(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    fields = setting_fields(draft_of(Workspace(tmp_path)))
+    headings = [each.label for each in fields if each.kind == "heading"]
+    assert headings[0] == "study.toml" and headings.index("factors hesitation") < headings.index("assignment")
+    at = headings.index("factors hesitation")
+    assert headings[at + 1 : at + 3] == ["factors hesitation levels yes", "factors hesitation levels no"]
+    assert "recording lsl" not in headings and all(each.note for each in fields)
+
+
+@pytest.mark.parametrize(("file", "tables"), [("scenario.toml", SCENARIO_TABLES), ("study.toml", STUDY_TABLES)])
+def test_no_two_settings_have_one_path_and_each_says_what_it_does(file: str, tables: Sequence[SettingTable]) -> None:
+    settings = [each for table in tables for each in table.settings]
+    assert len({each.path for each in settings}) == len(settings)
+    for each in (*settings, *tables):
+        assert each.meaning[0].isupper() and not each.meaning.endswith("."), each
+        assert len(each.meaning.split()) <= 25, each
+
+
+def test_the_plan_that_a_design_gives_is_shown(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    workspace = Workspace(tmp_path)
+    before = plan_lines(str(tmp_path), workspace.files)
+    workspace.apply(*settings_of(workspace, "study.toml")["n"].edits("8"))
+    after = plan_lines(str(tmp_path), workspace.files)
+    assert "for 4 complete participants" in before[0] and "for 8 complete participants" in after[0]
+    workspace.apply(*settings_of(workspace, "study.toml")["assignment.between"].edits("list"))
+    assert plan_lines(str(tmp_path), workspace.files) == []
 
 
 def test_private_keys_and_how_long_an_event_is_kept(study: Path) -> None:
     file = study / "scenario.toml"
     file.write_text(file.read_text() + '\n[keys.z]\nevent = "/go"\n')
-    fields = {each.label: each for each in setting_fields(draft_of(Workspace(study)))}
+    fields = settings_of(study)
     assert fields["private"].text == "person_name"
-    assert fields["private"].edits("person_name, age") == (SetSetting(("private",), ["person_name", "age"]),)
+    assert fields["private"].edits("person_name,age") == (SetSetting(("private",), ["person_name", "age"]),)
     assert fields["private"].edits(None) == (SetSetting(("private",), None),)
-    assert fields["keep of z"].edits("3s") == (SetSetting(("keys", "z", "keep"), "3s"),)
+    assert fields["keys.z.keep"].edits("3s") == (SetSetting(("keys", "z", "keep"), "3s"),)
 
 
 def test_the_design_of_a_study_has_a_row_for_each_value_of_a_check(tmp_path: Path) -> None:
     write_study(tmp_path, DESIGN + '\n[[check]]\nid = "door"\nask = "The door is closed"\n', plan=False)
     workspace = Workspace(tmp_path)
-    fields = {each.label: each for each in setting_fields(draft_of(workspace))}
-    assert "robot" not in fields and fields["n"].text == "4"
+    fields = settings_of(workspace, "study.toml")
+    assert settings_of(workspace) == {} and fields["n"].text == "4"
     workspace.apply(*fields["check.0.ask"].edits("The lamp is on"))
     workspace.apply(SetSetting(("check", "1"), {"id": "two", "ask": "Ready", "when": "after"}, file="study.toml"))
     loaded = load_study(tmp_path, check_scenarios=False, held=workspace.files)
@@ -132,8 +211,8 @@ def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_p
 
     def add(chosen: str, typed: str) -> None:
         found = {each.choice.value: each for each in additions(draft_of(workspace))}
-        edit, id = found[chosen].make(typed)
-        workspace.apply(edit)
+        edits, id = found[chosen].make(typed)
+        workspace.apply(*edits)
         assert id in [each.id for each in setting_fields(draft_of(workspace))]
 
     add("check", "The door is closed")
@@ -141,6 +220,9 @@ def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_p
     add("level noise", "babble")
     add("value noise loud", "distraction = true")
     add("value noise babble", "distraction = babble")
+    add("auto disk", "")
+    add("stratum", "language: de, en")
+    add("wizard", "anna: W1")
     for chosen, typed, why in (
         ("factor", "noise", "A factor has a name and at least two levels"),
         ("factor", "noise: quiet, quiet", "A factor has a name and at least two levels"),
@@ -151,7 +233,12 @@ def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_p
             add(chosen, typed)
     study = load_study(tmp_path, check_scenarios=False, held=workspace.files).study
     assert study is not None
-    assert [each.ask for each in study.checks] == ["The door is closed"]
+    assert [(each.id, each.ask or each.auto) for each in study.checks] == [
+        ("check1", "The door is closed"),
+        ("disk", "disk"),
+    ]
+    assert study.strata == {"language": ("de", "en")} and study.assignment.strata == ("language",)
+    assert study.wizards == {"anna": "W1"}
     noise = next(each for each in study.factors if each.name == "noise")
     assert {each.name: dict(each.memory) for each in noise.levels} == {
         "quiet": {}, "loud": {"distraction": True}, "babble": {"distraction": "babble"},
@@ -192,3 +279,21 @@ def test_a_second_mistake_in_the_same_words_is_a_new_one(study: Path) -> None:
     assert found is not None and found.message == "something is missing after `and`"
     assert first_new_finding(draft, workspace.preview()) is None
     workspace.close()
+
+
+@pytest.mark.slow
+async def test_the_plan_follows_a_number_while_it_is_typed(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    async with editor(tmp_path, (80, 24)) as it:
+        await it.open("settings")
+        page = it.screen.opened
+        assert isinstance(page, SettingsPage) and not page.effect.display
+        page.go_to("study.toml\0assignment\0block")
+        await it.press("enter")
+        await it.type("3")
+        await it.until(lambda: "equally full after 4 and 6 rows" in page.effect.text)
+        assert page.effect.display and "block = " not in it.draft_text, "it is only typed"
+        await it.press("escape")
+        await it.until(lambda: "equally full after 2, 4 and 6 rows" in page.effect.text)
+        await it.press("end")
+        await it.until(lambda: not page.effect.display)

@@ -1,0 +1,190 @@
+"""What can be added to scenario.toml and study.toml: conditions, properties, factors, checks, recorders."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
+
+from rise_engine.author.edit.edits import AnyEdit, SetSetting
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.model import Json
+from rise_engine.scenario.settings import FAILURE_CHOICES
+from rise_engine.study.checks import AUTOMATIC
+from rise_engine.study.recording_table import recorder_drivers
+from rise_tui.editor.model.draft import StudyDraft, is_study_alone
+from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.setting_fields import SettingPath, inside, setting_id
+from rise_tui.rendering.text import parse_typed_value
+
+ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
+    ("calling_type", "None", "runs beside other acts and gives way to them"),
+    ("filler", True, "a filler for a pause: offered with the key ,"),
+    ("hold", True, "its key must be pressed twice, so that a slip does not start it"),
+    *(("on_failure", value, "when it fails") for value in tuple(FAILURE_CHOICES)[1:3]),
+)
+"""The settings of an act that are offered: setting, value, meaning."""
+
+
+Added: TypeAlias = tuple[Sequence[AnyEdit], str]
+"""Edits, and the id of the field that shows their result."""
+
+
+class Addition(NamedTuple):
+    """An entry that can be added to the settings."""
+
+    choice: FieldChoice
+    make: Callable[[str], Added]
+    """Receives the typed text."""
+    title: str = ""
+    """The title of its question; empty: no question."""
+    hint: str = ""
+
+
+def additions(draft: StudyDraft) -> list[Addition]:
+    """All entries that can be added to scenario.toml, and to study.toml if it exists."""
+    found = [] if is_study_alone(draft) else list(_scenario_additions(draft))
+    return found + (list(_study_additions(draft.values_in(STUDY_FILE))) if STUDY_FILE in draft.files else [])
+
+
+def _set(file: str, path: SettingPath, value: Json, *more: AnyEdit, shows: SettingPath = ()) -> Added:
+    """An edit, and the field to go to: of this path, or of an entry in it."""
+    return (SetSetting(path, value, file=file), *more), setting_id(file, (*path, *shows))
+
+
+def _parts(typed: str, form: str, separator: str = ":") -> tuple[str, str]:
+    """What stands before and after the separator. :raises EditRefused: one of them is missing."""
+    name, _, rest = (each.strip() for each in typed.partition(separator))
+    if not name or not rest:
+        raise EditRefused(f"Write {form}; not “{typed}”")
+    return name, rest
+
+
+def _memory_value(typed: str) -> tuple[str, Json]:
+    key, text = _parts(typed, "a memory key and its value: “distraction = true”", "=")
+    value, _, problem = parse_typed_value(text)
+    if problem:
+        raise EditRefused(problem)
+    return key, value
+
+
+def _scenario_additions(draft: StudyDraft) -> Iterator[Addition]:
+    """Settings of acts that are not set yet, conditions, and properties for exploring."""
+    given = inside(draft.values_in(SCENARIO_FILE).get("act"))
+    for act in draft.outline.acts:
+        for setting, value, help in ACT_SETTINGS:
+            if inside(given.get(act.name)).get(setting) != value:
+                path, shown = ("act", act.name, setting), "yes" if value is True else value
+                choice = FieldChoice(f"{act.name} {setting} {value}", f"{act.name}  {setting} = {shown}", help)
+                yield Addition(choice, partial(_add_value, path, value))
+    condition = FieldChoice("condition", "a condition", "memory values at the start of its sessions")
+    hint = "Its name and a memory value: loud: distraction = true"
+    yield Addition(condition, _add_condition, "A new condition", hint)
+    for kind, form in (("always", "in every situation"), ("reachable", "at last"), ("eventually", "without help")):
+        yield Addition(FieldChoice(kind, f"a property: {kind}", f"exploring checks that it holds {form}"),
+                       partial(_add_property, kind), f"What holds {form}",
+                       "A name and a condition: one at a time: not (runs('R_A') and runs('R_B'))")  # fmt: skip
+
+
+def _add_value(path: SettingPath, value: Json, _typed: str) -> Added:
+    return _set(SCENARIO_FILE, path, value)
+
+
+def _add_condition(typed: str) -> Added:
+    name, rest = _parts(typed, "its name and a memory value: “loud: distraction = true”")
+    key, value = _memory_value(rest)
+    return _set(SCENARIO_FILE, ("conditions", name, "memory", key), value)
+
+
+def _add_property(kind: str, typed: str) -> Added:
+    name, condition = _parts(typed, "a name and a condition: “it ends: not rule('Main')”")
+    return _set(SCENARIO_FILE, (kind, name, *(["then"] if kind == "eventually" else [])), condition)
+
+
+def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
+    """Checks, factors with their levels and memory values, strata, wizards, questionnaires and recorders."""
+    factors = inside(values.get("factors"))
+
+    def add_check(kind: str, text: str) -> Added:
+        given = values.get("check") or []
+        used = {each.get("id") for each in given if isinstance(each, dict)}
+        ids = [text] * (kind == "auto") + [f"check{number}" for number in range(1, len(given) + 2)]
+        value: Json = {"id": next(each for each in ids if each not in used), kind: text, "when": "before"}
+        path: SettingPath = ("check", str(len(given))) if given else ("check",)
+        edit = SetSetting(path, value if given else [value], file=STUDY_FILE)
+        return (edit,), setting_id(STUDY_FILE, ("check", str(len(given)), "id"))
+
+    def add_automatic(auto: str, _typed: str) -> Added:
+        return add_check("auto", auto)
+
+    def add_factor(typed: str) -> Added:
+        name, _, listed = typed.partition(":")
+        levels = [each.strip() for each in listed.split(",") if each.strip()]
+        if not name.strip() or len(set(levels)) < 2:
+            raise EditRefused(f"A factor has a name and at least two levels: “noise: quiet, loud”; not “{typed}”")
+        value: Json = {"kind": "between", "levels": {each: {} for each in levels}}
+        return _set(STUDY_FILE, ("factors", name.strip()), value, shows=("kind",))
+
+    def add_level(factor: str, typed: str) -> Added:
+        if typed in inside(inside(factors.get(factor)).get("levels")):
+            raise EditRefused(f"{factor} has a level “{typed}” already")
+        return _set(STUDY_FILE, ("factors", factor, "levels", typed), {}, shows=("scenario",))
+
+    def add_value(factor: str, level: str, typed: str) -> Added:
+        key, value = _memory_value(typed)
+        return _set(STUDY_FILE, ("factors", factor, "levels", level, "memory", key), value)
+
+    def add_stratum(typed: str) -> Added:
+        name, listed = _parts(typed, "a column and its values: “language: de, en”")
+        balanced = [*_names(inside(values.get("assignment")).get("strata")), name]
+        balance = SetSetting(("assignment", "strata"), balanced, file=STUDY_FILE)
+        return _set(STUDY_FILE, ("strata", name), _names(listed), balance)
+
+    def add_named(table: str, entry: SettingPath, form: str, typed: str) -> Added:
+        name, rest = _parts(typed, form)
+        return _set(STUDY_FILE, (table, name, *entry), rest)
+
+    def add_camera(typed: str) -> Added:
+        name, rest = _parts(typed, "a name and ffmpeg's input: “camera: -f v4l2 -i /dev/video0”")
+        return _set(STUDY_FILE, ("recording", name), {"by": "ffmpeg", "input": shlex.split(rest)}, shows=("by",))
+
+    def add_recorder(driver: str, _typed: str) -> Added:
+        return _set(STUDY_FILE, ("recording", driver), {"by": driver}, shows=("by",))
+
+    yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
+                   "Its name and its levels, as noise: quiet, loud")  # fmt: skip
+    for factor, table in factors.items():
+        levels = inside(inside(table).get("levels"))
+        yield Addition(FieldChoice(f"level {factor}", f"a level of {factor}", "beside " + ", ".join(levels)),
+                       partial(add_level, factor), f"A new level of {factor}", "Its name: loud")  # fmt: skip
+        for level in levels:
+            yield Addition(
+                FieldChoice(f"value {factor} {level}", f"a start value of {factor} = {level}", "in its sessions only"),
+                partial(add_value, factor, level), f"A start value of {factor} = {level}",
+                "A memory key and its value: distraction = true")  # fmt: skip
+    yield Addition(FieldChoice("stratum", "a stratum", "a column of participants.csv, within which cells are balanced"),
+                   add_stratum, "A new stratum", "A column and its values: language: de, en")  # fmt: skip
+    yield Addition(FieldChoice("check", "a check by a person", "a sentence to confirm before each session"),
+                   partial(add_check, "ask"), "A new check",
+                   "The statement to confirm before a session: The door is closed")  # fmt: skip
+    for auto, help in AUTOMATIC.items():
+        choice = FieldChoice(f"auto {auto}", f"an automatic check: {auto}", help)
+        yield Addition(choice, partial(add_automatic, auto))
+    yield Addition(FieldChoice("wizard", "a wizard", "with a code for exports"),
+                   partial(add_named, "wizards", (), "a name and its code in exports: “anna: W1”"), "A wizard",
+                   "A name and its code in exports: anna: W1")  # fmt: skip
+    yield Addition(FieldChoice("questionnaire", "a questionnaire", "answers from a survey tool's CSV"),
+                   partial(add_named, "questionnaire", ("file",), "a name and its file: “godspeed: answers.csv”"),
+                   "A questionnaire", "A name and its file: godspeed: questionnaires/godspeed.csv")  # fmt: skip
+    yield Addition(FieldChoice("camera", "a recorder: ffmpeg", "a camera or a microphone"), add_camera, "A recorder",
+                   "A name and ffmpeg's input: camera: -f v4l2 -i /dev/video0")  # fmt: skip
+    for driver in recorder_drivers():
+        if driver != "ffmpeg":
+            yield Addition(FieldChoice(f"recorder {driver}", f"a recorder: {driver}"), partial(add_recorder, driver))
+
+
+def _names(value: Any) -> list[str]:
+    listed = value if isinstance(value, list) else str(value or "").split(",")
+    return [str(each).strip() for each in listed if str(each).strip()]
