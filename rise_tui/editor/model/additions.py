@@ -82,9 +82,10 @@ def _scenario_additions(draft: StudyDraft) -> Iterator[Addition]:
     condition = FieldChoice("condition", "a condition", "memory values at the start of its sessions")
     hint = "Its name and a memory value: loud: distraction = true"
     yield Addition(condition, _add_condition, "A new condition", hint)
-    for kind, form in (("always", "in every situation"), ("reachable", "at last"), ("eventually", "without help")):
-        yield Addition(FieldChoice(kind, f"a property: {kind}", f"exploring checks that it holds {form}"),
-                       partial(_add_property, kind), f"What holds {form}",
+    for kind, claim in (("always", "holds in every situation"), ("reachable", "stays possible"),
+                        ("eventually", "happens without help")):  # fmt: skip
+        yield Addition(FieldChoice(kind, f"a property: {kind}", f"exploring checks that it {claim}"),
+                       partial(_add_property, kind), f"What {claim}",
                        "A name and a condition: one at a time: not (runs('R_A') and runs('R_B'))")  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from rise_engine.run.client import Session, connect
 from rise_engine.run.protocol.client import Client, EngineGone, LinkLost, Rejected
 from rise_engine.run.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
 from tests.forked import run_engine
+from tests.patience import PATIENCE
 from tests.run.server.serving import GREETING, ROOT, served
 
 PAGES = [ROOT / "docs" / "how-to" / "drive-a-session-from-a-program.md", ROOT / "docs" / "reference" / "link.md"]
@@ -85,12 +86,12 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
         await session.start_rule("Greeting")
         assert session.view.rules["Greeting"].running
         await session.set("person_near", True)
-        await session.wait_until(lambda view: view.rules["Greeting"].state == "Visitor is here", 10)
+        await session.wait_until(lambda view: view.rules["Greeting"].state == "Visitor is here", PATIENCE)
         await session.raise_event("/H_greets")
-        await session.wait_until(lambda view: view.acts["R_Greeting"].runs, 10)
+        await session.wait_until(lambda view: view.acts["R_Greeting"].runs, PATIENCE)
         await session.stop_rule("Greeting")
         task = await session.start("R_Smile")
-        assert (await session.wait_for_task(task, 10)).status == "SUCCEEDED"
+        assert (await session.wait_for_task(task, PATIENCE)).status == "SUCCEEDED"
         with pytest.raises(Rejected, match="R_Smile"):
             await session.start("R_Smiel")
         with pytest.raises(Rejected, match="neither running nor waiting"):
@@ -101,7 +102,7 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
             await session.wait_until(lambda view: False, 0.01)
         await session.add_note("done")
         await session.stop_all()
-        await session.wait_until(lambda view: view.stop.status == "latched", 10)
+        await session.wait_until(lambda view: view.stop.status == "latched", PATIENCE)
         with pytest.raises(Rejected, match=r"test may not release a stop: only the wizard who holds .*may_release"):
             await session.release_stop()
         assert session.view.stop.latched and session.now() > 0
@@ -155,11 +156,11 @@ async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_
     ):
         for who in (watchdog, anna):
             await other.stop_all()
-            await other.wait_until(lambda view: view.stop.status == "latched", 10)
+            await other.wait_until(lambda view: view.stop.status == "latched", PATIENCE)
             with pytest.raises(Rejected, match="only the wizard who holds control may, or watchdog, /lab/boss"):
                 await other.release_stop()
             await who.release_stop()
-            await other.wait_until(lambda view: not view.stop.latched, 10)
+            await other.wait_until(lambda view: not view.stop.latched, PATIENCE)
 
 
 async def test_a_program_ends_a_session(scratch: Path) -> None:
@@ -184,7 +185,7 @@ async def test_a_program_that_is_cut_off_is_told(scratch: Path) -> None:
         for connection in tuple(running.server.connections):
             connection.abort()
         with pytest.raises(LinkLost):
-            await session.wait_until(lambda view: view.ended)
+            await session.wait_until(lambda view: view.ended, PATIENCE)
         with pytest.raises(LinkLost):
             async for _ in records:
                 pass

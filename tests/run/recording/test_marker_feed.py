@@ -324,9 +324,11 @@ async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monk
         feed = asyncio.create_task(MarkerFeed(OutletPlan(str(session.path)), outlet).run(asyncio.Event()))
         assert await asyncio.to_thread(begun.wait, PATIENCE)
         task = await program.start("R_Nod")
-        await program.wait_until(lambda view: any(a.confirmed is not None for a in view.tasks[task].actions.values()))
+        await program.wait_until(
+            lambda view: any(a.confirmed is not None for a in view.tasks[task].actions.values()), PATIENCE
+        )
         go_on.set()
-        await program.wait_for_task(task)
+        await program.wait_for_task(task, PATIENCE)
         await outlet.until(lambda: "act/R_Nod/succeeded" in outlet.texts)
         feed.cancel()
     acts = [text for text in outlet.texts if text.startswith("act/")]

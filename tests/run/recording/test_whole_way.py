@@ -18,6 +18,7 @@ from rise_engine.run.recording.chirp import LEAD_SECONDS, SOUND_SECONDS
 from rise_engine.run.recording.marks import give_mark
 from rise_engine.session.media import read_media
 from rise_engine.study.model import SyncSettings
+from tests.patience import PATIENCE
 from tests.run.server.serving import GREETING, served
 
 from .sounds import record_marks, write_wav
@@ -44,7 +45,7 @@ async def test_a_film_is_aligned_as_well_as_the_marks_say(tmp_path: Path, monkey
         async with connect(running.path, name="recorders") as session:
             given = [await give_mark(session, number, settings) for number in (1, 2)]
             assert [each.problem for each in given] == ["", ""]
-            await session.wait_until(lambda view: view.sync is not None and view.sync.number == 2)
+            await session.wait_until(lambda view: view.sync is not None and view.sync.number == 2, PATIENCE)
         folder = running.folder
     heard = [float(line) + LEAD_SECONDS - began for line in log.read_text().split()]  # by the session's clock
     for mark, at in zip(given, heard, strict=True):
