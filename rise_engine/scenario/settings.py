@@ -71,7 +71,7 @@ SCENARIO_TABLES = (
         "act.*",
         "What one act, or several (R_Task*), do differently",
         Setting("hold", "yes or no", "Its key must be pressed twice, so that a slip does not start it", "no"),
-        Setting("debounce", "number", "For so many seconds a second press of its key is ignored, 0 to 60", "0.5"),
+        Setting("debounce", "number", "Seconds in which a second press of its key is ignored, 0 to 60", "0.5"),
         Setting("filler", "yes or no", "It bridges a pause: the key , starts the next filler", "no"),
         Setting("answers", "yes or no", "It answers the participant's cue", "yes"),
         Setting("calling_type", "text", "Whether other acts wait for it", "Blocking",

@@ -70,7 +70,7 @@ STUDY_TABLES: tuple[SettingTable, ...] = (
         Setting("ask", "text", "A sentence that somebody confirms"),
         Setting("auto", "text", "A check that the program makes itself"),
         Setting("run", "value", 'A program that makes it: ["./check.sh"]'),
-        Setting("when", "text", "When it is made", "before",
+        Setting("when", "text", "When the check is made", "before",
                 {"before": "before the session", "after": "after the session"}),
         Setting("min", "text", "For the check of the disk: the space that is needed: 20 GB"),
         Setting("every", "text", "How long a pass is valid: 8 h, 30 d", "one session"),
@@ -121,7 +121,7 @@ STUDY_TABLES: tuple[SettingTable, ...] = (
         "recording.*",
         "A recorder",
         Setting("by", "text", "The program that records", "its name"),
-        Setting("stalled", "text", "How long its file may stay as it is: 10 s"),
+        Setting("stalled", "text", "How long its file may stop growing before it counts as stalled: 10 s"),
     ),
     make_table(
         "questionnaire.*",

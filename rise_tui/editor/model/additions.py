@@ -11,22 +11,19 @@ from rise_engine.author.edit.edits import AnyEdit, SetSetting
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.settings import FAILURE_CHOICES
+from rise_engine.scenario.settings import SCENARIO_TABLES, setting_at
 from rise_engine.study.checks import AUTOMATIC
 from rise_engine.study.recording_table import recorder_drivers
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.fields import FieldChoice
-from rise_tui.editor.model.setting_fields import SettingPath, inside, setting_id
+from rise_tui.editor.model.setting_fields import SettingPath, entries_in, setting_id
 from rise_tui.rendering.text import parse_typed_value
 
-ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
-    ("calling_type", "None", "runs beside other acts and gives way to them"),
-    ("filler", True, "a filler for a pause: offered with the key ,"),
-    ("hold", True, "its key must be pressed twice, so that a slip does not start it"),
-    *(("on_failure", value, "when it fails") for value in tuple(FAILURE_CHOICES)[1:3]),
+ACT_SETTINGS: tuple[tuple[str, Json], ...] = (
+    *(("calling_type", "None"), ("filler", True), ("hold", True)),
+    *(("on_failure", "repeat:1"), ("on_failure", "ask")),
 )
-"""The settings of an act that are offered: setting, value, meaning."""
-
+"""The settings of an act that are offered, with their values."""
 
 Added: TypeAlias = tuple[Sequence[AnyEdit], str]
 """Edits, and the id of the field that shows their result."""
@@ -49,13 +46,23 @@ def additions(draft: StudyDraft) -> list[Addition]:
     return found + (list(_study_additions(draft.values_in(STUDY_FILE))) if STUDY_FILE in draft.files else [])
 
 
+_ONE_OF = {
+    "factors": "factor",
+    "strata": "stratum",
+    "wizards": "wizard",
+    "questionnaire": "questionnaire",
+    "recording": "recorder",
+}
+"""What an entry of a table of study.toml is."""
+
+
 def _set(file: str, path: SettingPath, value: Json, *more: AnyEdit, shows: SettingPath = ()) -> Added:
     """An edit, and the field to go to: of this path, or of an entry in it."""
     return (SetSetting(path, value, file=file), *more), setting_id(file, (*path, *shows))
 
 
 def _parts(typed: str, form: str, separator: str = ":") -> tuple[str, str]:
-    """What stands before and after the separator. :raises EditRefused: one of them is missing."""
+    """The texts before and after the separator. :raises EditRefused: one of them is missing."""
     name, _, rest = (each.strip() for each in typed.partition(separator))
     if not name or not rest:
         raise EditRefused(f"Write {form}; not “{typed}”")
@@ -72,11 +79,13 @@ def _memory_value(typed: str) -> tuple[str, Json]:
 
 def _scenario_additions(draft: StudyDraft) -> Iterator[Addition]:
     """Settings of acts that are not set yet, conditions, and properties for exploring."""
-    given = inside(draft.values_in(SCENARIO_FILE).get("act"))
+    given = entries_in(draft.values_in(SCENARIO_FILE).get("act"))
     for act in draft.outline.acts:
-        for setting, value, help in ACT_SETTINGS:
-            if inside(given.get(act.name)).get(setting) != value:
+        for setting, value in ACT_SETTINGS:
+            if entries_in(given.get(act.name)).get(setting) != value:
                 path, shown = ("act", act.name, setting), "yes" if value is True else value
+                known = setting_at(SCENARIO_TABLES, path)
+                help = known.choices.get(str(value), known.meaning) if known is not None else ""
                 choice = FieldChoice(f"{act.name} {setting} {value}", f"{act.name}  {setting} = {shown}", help)
                 yield Addition(choice, partial(_add_value, path, value))
     condition = FieldChoice("condition", "a condition", "memory values at the start of its sessions")
@@ -106,11 +115,15 @@ def _add_property(kind: str, typed: str) -> Added:
 
 def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
     """Checks, factors with their levels and memory values, strata, wizards, questionnaires and recorders."""
-    factors = inside(values.get("factors"))
+    factors = entries_in(values.get("factors"))
+
+    def refuse_existing(table: str, name: str) -> None:
+        if name in entries_in(values.get(table)):
+            raise EditRefused(f"there is a {_ONE_OF[table]} {name} already")
 
     def add_check(kind: str, text: str) -> Added:
-        given = values.get("check") or []
-        used = {each.get("id") for each in given if isinstance(each, dict)}
+        given = entries_in(values.get("check"))
+        used = {each.get("id") for each in given.values() if isinstance(each, dict)}
         ids = [text] * (kind == "auto") + [f"check{number}" for number in range(1, len(given) + 2)]
         value: Json = {"id": next(each for each in ids if each not in used), kind: text, "when": "before"}
         path: SettingPath = ("check", str(len(given))) if given else ("check",)
@@ -125,11 +138,12 @@ def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
         levels = [each.strip() for each in listed.split(",") if each.strip()]
         if not name.strip() or len(set(levels)) < 2:
             raise EditRefused(f"A factor has a name and at least two levels: “noise: quiet, loud”; not “{typed}”")
+        refuse_existing("factors", name.strip())
         value: Json = {"kind": "between", "levels": {each: {} for each in levels}}
         return _set(STUDY_FILE, ("factors", name.strip()), value, shows=("kind",))
 
     def add_level(factor: str, typed: str) -> Added:
-        if typed in inside(inside(factors.get(factor)).get("levels")):
+        if typed in entries_in(entries_in(factors.get(factor)).get("levels")):
             raise EditRefused(f"{factor} has a level “{typed}” already")
         return _set(STUDY_FILE, ("factors", factor, "levels", typed), {}, shows=("scenario",))
 
@@ -139,25 +153,33 @@ def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
 
     def add_stratum(typed: str) -> Added:
         name, listed = _parts(typed, "a column and its values: “language: de, en”")
-        balanced = [*_names(inside(values.get("assignment")).get("strata")), name]
+        refuse_existing("strata", name)
+        balanced = [*_names(entries_in(values.get("assignment")).get("strata")), name]
         balance = SetSetting(("assignment", "strata"), balanced, file=STUDY_FILE)
         return _set(STUDY_FILE, ("strata", name), _names(listed), balance)
 
     def add_named(table: str, entry: SettingPath, form: str, typed: str) -> Added:
         name, rest = _parts(typed, form)
+        refuse_existing(table, name)
         return _set(STUDY_FILE, (table, name, *entry), rest)
 
     def add_camera(typed: str) -> Added:
         name, rest = _parts(typed, "a name and ffmpeg's input: “camera: -f v4l2 -i /dev/video0”")
-        return _set(STUDY_FILE, ("recording", name), {"by": "ffmpeg", "input": shlex.split(rest)}, shows=("by",))
+        refuse_existing("recording", name)
+        try:
+            arguments = shlex.split(rest)
+        except ValueError:
+            raise EditRefused(f"a quotation mark has no end in “{rest}”") from None
+        return _set(STUDY_FILE, ("recording", name), {"by": "ffmpeg", "input": arguments}, shows=("by",))
 
     def add_recorder(driver: str, _typed: str) -> Added:
+        refuse_existing("recording", driver)
         return _set(STUDY_FILE, ("recording", driver), {"by": driver}, shows=("by",))
 
     yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
                    "Its name and its levels, as noise: quiet, loud")  # fmt: skip
     for factor, table in factors.items():
-        levels = inside(inside(table).get("levels"))
+        levels = entries_in(entries_in(table).get("levels"))
         yield Addition(FieldChoice(f"level {factor}", f"a level of {factor}", "beside " + ", ".join(levels)),
                        partial(add_level, factor), f"A new level of {factor}", "Its name: loud")  # fmt: skip
         for level in levels:

@@ -57,9 +57,11 @@ def _everywhere(draft: StudyDraft, spoken: SpokenText) -> Iterator[tuple[str, st
 
 def conditions_of(draft: StudyDraft) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """The conditions of the study, or else of the scenario, each with its memory values; without any, one empty one."""
-    folder = next((Path(path).parent for path in draft.above), Path(draft.folder))
-    if draft.above or STUDY_FILE in draft.files:
-        study = load_study(folder, check_scenarios=False, held=None if draft.above else draft.files).study
+    folder, files = Path(draft.folder), draft.files
+    for path, data in draft.above.items():
+        folder, files = Path(path).parent, {STUDY_FILE: data}
+    if STUDY_FILE in files:
+        study = load_study(folder, check_scenarios=False, held=files).study
         for levels in product(*(factor.levels for factor in study.factors)) if study is not None else ():
             names = {factor.name: level.name for factor, level in zip(study.factors, levels, strict=True)}  # type: ignore[union-attr]
             yield condition_name(names), {key: value for level in levels for key, value in level.memory.items()}

@@ -24,7 +24,7 @@ from rise_engine.scenario.settings import (
 )
 from rise_engine.study.balance import prove_balance
 from rise_engine.study.checks import AUTOMATIC
-from rise_engine.study.plan import make_plan
+from rise_engine.study.plan import make_plan, rows_wanted, strata_of
 from rise_engine.study.recording_table import recorder_drivers
 from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_toml import load_study
@@ -61,13 +61,16 @@ def _file_fields(draft: StudyDraft, file: str) -> Iterator[EditField]:
     for path, table in _groups(values, TABLES[file]):
         fields = list(_table_fields(draft, file, path, table, values))
         if fields:
-            yield _heading(file, path, table.meaning)
+            yield _heading(file, values, path, table.meaning)
             yield from fields
 
 
-def _heading(file: str, path: SettingPath, meaning: str) -> EditField:
-    name = " ".join(str(int(part) + 1) if part.isdecimal() else part for part in path) or file
-    return EditField("", name, "heading", note=meaning)
+def _heading(file: str, values: Mapping[str, Any], path: SettingPath, meaning: str) -> EditField:
+    """The names of a table's path. Tables of a list are counted from 1."""
+    names = [
+        str(int(part) + 1) if isinstance(_value(values, path[:at]), list) else part for at, part in enumerate(path)
+    ]
+    return EditField("", " ".join(names) or file, "heading", note=meaning)
 
 
 def _groups(values: Mapping[str, Any], tables: Sequence[SettingTable]) -> list[tuple[SettingPath, SettingTable]]:
@@ -89,12 +92,12 @@ def _groups(values: Mapping[str, Any], tables: Sequence[SettingTable]) -> list[t
 
 def _positions(values: Any, path: SettingPath) -> Iterator[int]:
     for part in path:
-        names = list(inside(values))
+        names = list(entries_in(values))
         yield names.index(part) if part in names else len(names)
-        values = inside(values).get(part)
+        values = entries_in(values).get(part)
 
 
-def inside(value: Any) -> Mapping[str, Any]:
+def entries_in(value: Any) -> Mapping[str, Any]:
     """The entries of a table, or of a list of tables by their numbers."""
     if isinstance(value, list):
         return {str(number): each for number, each in enumerate(value)}
@@ -104,7 +107,7 @@ def inside(value: Any) -> Mapping[str, Any]:
 def _value(values: Any, path: SettingPath) -> Any:
     """The value at a path; None: there is none."""
     for part in path:
-        values = inside(values).get(part)
+        values = entries_in(values).get(part)
     return values
 
 
@@ -113,14 +116,14 @@ def _paths(values: Any, parts: Sequence[str], path: SettingPath = ()) -> Iterato
     if not parts:
         yield path
         return
-    for name in inside(values) if parts[0] == ANY else parts[:1]:
-        yield from _paths(inside(values).get(name), parts[1:], (*path, name))
+    for name in entries_in(values) if parts[0] == ANY else parts[:1]:
+        yield from _paths(entries_in(values).get(name), parts[1:], (*path, name))
 
 
 def _table_fields(
     draft: StudyDraft, file: str, path: SettingPath, table: SettingTable, values: Mapping[str, Any]
 ) -> Iterator[EditField]:
-    given, tables = inside(_value(values, path)), TABLES[file]
+    given, tables = entries_in(_value(values, path)), TABLES[file]
     shown = {*names_in(tables, table.path)}
     for setting in table.settings:
         parts = setting.path.split(".")[len(path) :]
@@ -169,7 +172,7 @@ def _known_values(draft: StudyDraft, path: SettingPath) -> Mapping[str, str]:
         case ("check", _, "auto"):
             return AUTOMATIC
         case ("assignment", "strata"):
-            return dict.fromkeys(inside(draft.values_in(STUDY_FILE).get("strata")), "")
+            return dict.fromkeys(entries_in(draft.values_in(STUDY_FILE).get("strata")), "")
         case ("recording", _, "by"):
             return dict.fromkeys(recorder_drivers(), "")
     return {}
@@ -178,7 +181,7 @@ def _known_values(draft: StudyDraft, path: SettingPath) -> Mapping[str, str]:
 def _text_of(value: Any, kind: SettingKind) -> str:
     if kind == "yes or no" and isinstance(value, bool):
         return "yes" if value else "no"
-    if kind in ("names", "whole numbers") and isinstance(value, list):
+    if kind in ("names", "whole numbers") and isinstance(value, list) and not any("," in str(each) for each in value):
         return ", ".join(map(_shown, value))
     return _shown(value)
 
@@ -203,6 +206,8 @@ def _value_of(name: str, kind: SettingKind, text: str) -> Json:
             raise EditRefused(f"{name} is yes or no; not “{text}”")
         return YES_OR_NO[text]
     if kind == "value":
+        return parse_typed_value(text)[0]
+    if kind == "names" and text.startswith("["):  # a name with a comma
         return parse_typed_value(text)[0]
     parts = [each.strip() for each in text.split(",") if each.strip()]
     if kind == "names":
@@ -260,7 +265,7 @@ def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
 DESIGN = ("n", "seed", "factors", "assignment", "strata")
 """Entries of study.toml that the plan depends on."""
 MAX_PLANNED = 1_000
-"""Participants for whom a plan is made while somebody types."""
+"""Rows of a plan that is made while somebody types."""
 
 
 def depends_on_design(field: EditField) -> bool:
@@ -272,6 +277,6 @@ def depends_on_design(field: EditField) -> bool:
 def plan_lines(folder: str, files: Mapping[str, bytes]) -> list[str]:
     """The plan that this design gives, in sentences: how many rows, after which of them the cells are equally full."""
     study = load_study(folder, check_scenarios=False, held=files).study
-    if study is None or study.assignment.between == "list" or study.n > MAX_PLANNED:
+    if study is None or study.assignment.between == "list" or rows_wanted(study) * len(strata_of(study)) > MAX_PLANNED:
         return []
     return list(prove_balance(study, make_plan(study)).lines)

@@ -39,7 +39,7 @@ from rise_tui.editor.model.setting_fields import plan_lines, setting_fields
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
 from rise_tui.editor.page import top_line
 from rise_tui.rendering.text import line_width, plain_text
-from tests.study.studies import DESIGN, write_study
+from tests.study.studies import DESIGN, HEAD, write_study
 from tests.tui.editor.conftest import editor
 
 
@@ -216,18 +216,18 @@ def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_p
         assert id in [each.id for each in setting_fields(draft_of(workspace))]
 
     add("check", "The door is closed")
-    add("factor", "noise: quiet, loud")
-    add("level noise", "babble")
-    add("value noise loud", "distraction = true")
-    add("value noise babble", "distraction = babble")
+    add("factor", "voice: quiet, loud")
+    add("level voice", "babble")
+    add("value voice loud", "distraction = true")
+    add("value voice babble", "distraction = babble")
     add("auto disk", "")
     add("stratum", "language: de, en")
     add("wizard", "anna: W1")
     for chosen, typed, why in (
-        ("factor", "noise", "A factor has a name and at least two levels"),
-        ("factor", "noise: quiet, quiet", "A factor has a name and at least two levels"),
-        ("level noise", "loud", "noise has a level “loud” already"),
-        ("value noise loud", "distraction", "Write a memory key and its value"),
+        ("factor", "voice", "A factor has a name and at least two levels"),
+        ("factor", "voice: quiet, quiet", "A factor has a name and at least two levels"),
+        ("level voice", "loud", "voice has a level “loud” already"),
+        ("value voice loud", "distraction", "Write a memory key and its value"),
     ):
         with pytest.raises(EditRefused, match=why):
             add(chosen, typed)
@@ -239,8 +239,8 @@ def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_p
     ]
     assert study.strata == {"language": ("de", "en")} and study.assignment.strata == ("language",)
     assert study.wizards == {"anna": "W1"}
-    noise = next(each for each in study.factors if each.name == "noise")
-    assert {each.name: dict(each.memory) for each in noise.levels} == {
+    voice = next(each for each in study.factors if each.name == "voice")
+    assert {each.name: dict(each.memory) for each in voice.levels} == {
         "quiet": {}, "loud": {"distraction": True}, "babble": {"distraction": "babble"},
     }  # fmt: skip
 
@@ -297,3 +297,36 @@ async def test_the_plan_follows_a_number_while_it_is_typed(tmp_path: Path) -> No
         await it.until(lambda: "equally full after 2, 4 and 6 rows" in page.effect.text)
         await it.press("end")
         await it.until(lambda: not page.effect.display)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "typed", "why"),
+    [
+        ("camera", "camera: -i 'no end", "quotation mark"),
+        ("factor", "hesitation: a, b", "there is a factor hesitation already"),
+        ("wizard", "anna: W2", "there is a wizard anna already"),
+        ("stratum", "language: fr, it", "there is a stratum language already"),
+    ],
+)
+def test_an_addition_replaces_nothing_and_refuses_what_cannot_be_read(
+    tmp_path: Path, chosen: str, typed: str, why: str
+) -> None:
+    more = '\n[strata]\nlanguage = ["de", "en"]\n[wizards]\nanna = "W1"\n'
+    write_study(tmp_path, DESIGN + more, HEAD.replace("status", "language,status"), plan=False)
+    found = {each.choice.value: each for each in additions(draft_of(Workspace(tmp_path)))}
+    with pytest.raises(EditRefused, match=why):
+        found[chosen].make(typed)
+
+
+def test_names_with_commas_and_levels_that_are_numbers_keep_their_form(tmp_path: Path) -> None:
+    design = DESIGN.replace("levels.quiet.", "levels.1.").replace("levels.loud.", "levels.2.")
+    survey = '\n[questionnaire.mood]\nfile = "mood.csv"\nleave_out = ["Name, first", "id"]\n'
+    write_study(tmp_path, design + survey, plan=False)
+    workspace = Workspace(tmp_path)
+    labels = [each.label for each in setting_fields(draft_of(workspace)) if each.kind == "heading"]
+    assert "factors noise levels 1" in labels and "factors noise levels 3" not in labels
+    field = settings_of(workspace, "study.toml")["questionnaire.mood.leave_out"]
+    assert field.text is not None
+    path = ("questionnaire", "mood", "leave_out")
+    assert field.edits(field.text) == (SetSetting(path, ["Name, first", "id"], file="study.toml"),)
+    assert field.edits("a, b") == (SetSetting(path, ["a", "b"], file="study.toml"),)
