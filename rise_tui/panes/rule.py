@@ -158,7 +158,7 @@ class RulePane(ListPane):
             if view.reason:
                 line = ((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),)
             key = self.store.key_of("startInteractionRule", rule.name)
-            if key is not None and not self.store.gone_reason:
+            if key is not None and not self.store.gone_reason and self.store.key_state != "STOPPED":
                 line = (*line, (f"  {key_owner(self.store)}: ", "muted"), (key.label, "key"), (" starts it", "muted"))
         return [*rows, ListRow("", crop(line, width), selectable=False)] if line else rows
 

@@ -123,13 +123,13 @@ class KeyHints(StaticLines):
 
     def draw_covered(self, store: Store) -> None:
         """Draw the hints below an overlay, which has its own keys."""
-        self.show_pieces([(_stop_hint(store), "stop"), (_key_and_text("esc", "closes what is open"), "")])
+        self.show_pieces([*_stop_hint(store), (_key_and_text("esc", "closes what is open"), "")])
 
     def draw_typing(self, store: Store, enter: str) -> None:
         """Draw the hints for a text field, in which only the stop key works. `enter`: the effect of Enter."""
         self.show_pieces(
             [
-                (_stop_hint(store), "stop"),
+                *_stop_hint(store),
                 (_key_and_text("enter", enter), ""),
                 (_key_and_text("esc", "cancel"), ""),
             ]
@@ -151,7 +151,7 @@ class KeyHints(StaticLines):
             _key_and_text("↑↓", "earlier"),
             _key_and_text("esc", "keep it for later"),
         ]
-        self.show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
+        self.show_pieces([*_stop_hint(store), (speech_hint, ""), *((piece, "") for piece in rest)])
 
     def show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
         """Show as many pieces as fit, and always help. Pieces with an action's id can be clicked."""
@@ -221,8 +221,10 @@ def _hint(action: ConsoleAction, store: Store, word: str) -> list[StyledSpan]:
     return [(f" {key}", role), (f" {word} ", "muted" if off else "fault" if stop else "plain")]
 
 
-def _stop_hint(store: Store) -> list[StyledSpan]:
-    return _hint(BY_ID["stop"], store, BY_ID["stop"].hint)
+def _stop_hint(store: Store) -> list[tuple[list[StyledSpan], str]]:
+    """The stop key; nothing if the engine has gone and no key reaches the robot."""
+    stop = BY_ID["stop"]
+    return [] if store.gone_reason else [(_hint(stop, store, stop.hint), stop.id)]
 
 
 def _key_and_text(key: str, what: str) -> list[StyledSpan]:

@@ -132,6 +132,10 @@ async def test_marks_are_words_and_glyphs_keys_are_named_and_the_time_left_count
         await it.until(lambda: "here" not in it.text("rule"))
         assert "stopped by wizard:anna" in it.text("rule") and "maybe next" not in it.text("rule")
         await it.until(lambda: "starts it" in it.text("rule"))
+        it.client.stop("latched")
+        await it.until(lambda: "starts it" not in it.text("rule"), "nothing starts before the release")
+        it.client.stop("released")
+        await it.until(lambda: "starts it" in it.text("rule"))
         it.client.end_in_order("ended by wizard:anna")
         await it.until(lambda: "starts it" not in it.text("rule"), "after the end no key starts anything")
 

@@ -237,6 +237,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
         assert "recovers the session, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
+        assert "F9" not in it.bars.key_hints.text, "no key reaches the robot"
         await it.press("r")
         await it.until(lambda: "could not recover it: the disk is full" in it.notice)
         assert it.screen is gone
