@@ -10,6 +10,7 @@ import pytest
 from rise_engine.kernel.records import MemoryRecord
 from rise_tui.screens.dialog import StepBackDialog
 from tests.tui.conftest import Console, console
+from tests.tui.fake import FakeClient
 
 pytestmark = pytest.mark.slow  # many keys each
 
@@ -18,14 +19,14 @@ def text_of(it: Console, part: str) -> str:
     return str(it.app.screen.query_one(f"#{part}").render())
 
 
-def went_on(it: Console) -> None:
+def went_on(client: FakeClient) -> None:
     """The rule has gone from `greeting` to `waiting`, and two keys of the memory have changed since it began."""
-    it.client.rule("Main", "started", "greeting", trigger="start")
-    it.client.rule("Main", "entered", "greeting", trigger="start")
-    it.client.act("Greet", source="rule:Main")
-    it.client.emit(MemoryRecord(0, 0.0, "", "task", 5, 4, "wizard:anna"))
-    it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/x", transition=0)
-    it.client.emit(MemoryRecord(0, 0.0, "", "new", "x", None, "wizard:anna", created=True))
+    client.rule("Main", "started", "greeting", trigger="start")
+    client.rule("Main", "entered", "greeting", trigger="start")
+    client.act("Greet", source="rule:Main")
+    client.emit(MemoryRecord(0, 0.0, "", "task", 5, 4, "wizard:anna"))
+    client.rule("Main", "entered", "waiting", previous="greeting", trigger="/x", transition=0)
+    client.emit(MemoryRecord(0, 0.0, "", "new", "x", None, "wizard:anna", created=True))
 
 
 async def asked(it: Console) -> None:
@@ -48,7 +49,7 @@ async def test_each_key_is_taken_back_or_kept_and_escape_stays() -> None:
     async with console(size=(80, 24)) as it:
         await it.press("left")
         assert it.app.screen is it.screen
-        went_on(it)
+        went_on(it.client)
         for size in ((80, 24), (120, 40)):
             await it.pilot.resize_terminal(*size)
             for keys, step in (
