@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from typing import Any
 
@@ -27,6 +27,20 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 KeyPath = tuple[str, ...]
+
+
+def entries_in(value: Any) -> Mapping[str, Any]:
+    """The entries of a table, or of a list by their numbers; none in any other value."""
+    if isinstance(value, list):
+        return {str(number): each for number, each in enumerate(value)}
+    return value if isinstance(value, dict) else {}
+
+
+def value_at(values: Any, path: Iterable[str]) -> Any:
+    """The value at a path of keys and of numbers in lists; None: there is none, because TOML has no null."""
+    for part in path:
+        values = entries_in(values).get(part)
+    return values
 
 
 class TomlKeyPart(Struct, frozen=True):

@@ -14,7 +14,16 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.syntax.changes import EditRefused
-from rise_engine.syntax.toml import KeyPath, TomlPair, TomlSection, TomlValue, read_sections, toml_key, toml_value
+from rise_engine.syntax.toml import (
+    KeyPath,
+    TomlPair,
+    TomlSection,
+    TomlValue,
+    read_sections,
+    toml_key,
+    toml_value,
+    value_at,
+)
 
 _PAIRS_IN_A_LINE = ("keys",)
 """Tables whose entries are written as one-line tables: `n = { rule = "Next" }`."""
@@ -52,17 +61,9 @@ class TomlText:
         for at, item in enumerate(value.items):
             self._note((*path, str(at)), value, at, item)
 
-    def find(self, path: Sequence[str]) -> tuple[bool, Any]:
-        """Return whether there is an entry, and its value."""
-        value: Any = self.values
-        for part in path:
-            if isinstance(value, dict) and part in value:
-                value = value[part]
-            elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
-                value = value[int(part)]
-            else:
-                return False, None
-        return True, value
+    def find(self, path: Sequence[str]) -> Any:
+        """The value at a path; None: there is none."""
+        return value_at(self.values, path)
 
     def written(self, path: KeyPath) -> str:
         """A value as written in the file; empty for a table with a header."""
@@ -92,12 +93,12 @@ def set_value(text: str, path: KeyPath, value: Any) -> str:
     :raises EditRefused: the text is not TOML, TOML has no such value, or the path leads through another value.
     """
     toml = TomlText(text)
-    found, old = toml.find(path)
-    if not found:
+    old = toml.find(path)
+    if old is None:
         return _add(toml, path, value)
     if repr(old) == repr(value):  # not ==: 1, 1.0 and true differ here
         return text
-    is_element = isinstance(toml.find(path[:-1])[1], list)
+    is_element = isinstance(toml.find(path[:-1]), list)
     if isinstance(old, dict) and isinstance(value, dict) and (value or is_element):
         return _set_members(text, path, old, value)
     entry = toml.entries.get(path)
@@ -134,7 +135,7 @@ def _set_items(text: str, path: KeyPath, old: Sequence[Any], new: Sequence[Any])
 
 def _add(toml: TomlText, path: KeyPath, value: Any) -> str:
     """Add a value at a path that does not exist yet."""
-    above = next(path[:size] for size in range(len(path) - 1, -1, -1) if toml.find(path[:size])[0])
+    above = next(path[:size] for size in range(len(path) - 1, -1, -1) if toml.find(path[:size]) is not None)
     rest = path[len(above) :]
     if not above and len(rest) > 1:
         in_a_line = len(rest) == 2 and rest[0] in _PAIRS_IN_A_LINE
@@ -144,7 +145,7 @@ def _add(toml: TomlText, path: KeyPath, value: Any) -> str:
     for part in reversed(rest[1:]):
         value = {part: value}
     path = path[: len(above) + 1]
-    holder = toml.find(above)[1]
+    holder = toml.find(above)
     if not isinstance(holder, dict | list) or (isinstance(holder, list) and path[-1] != str(len(holder))):
         raise EditRefused(f"`{'.'.join(path[:-1])}` has no place for `{path[-1]}`")
     inside = toml.entries.get(above)
@@ -249,7 +250,7 @@ def _add_section(
 
 def _is_element(toml: TomlText, holder: KeyPath) -> bool:
     """Whether the next part of a path is an element of a list."""
-    return bool(holder) and isinstance(toml.find(holder)[1], list)
+    return bool(holder) and isinstance(toml.find(holder), list)
 
 
 def _add_inline(toml: TomlText, holder: TomlValue, key: str, value: Any) -> str:
@@ -290,7 +291,7 @@ def remove_value(text: str, path: KeyPath) -> str:
     :raises EditRefused: the text is not TOML, or there is no such entry.
     """
     toml = TomlText(text)
-    if not path or not toml.find(path)[0]:
+    if not path or toml.find(path) is None:
         raise EditRefused(f"there is no `{'.'.join(path)}`")
     entry = toml.entries.get(path)
     if entry is not None and isinstance(entry.holder, TomlValue):
@@ -382,9 +383,9 @@ def rename_keys(text: str, names: Mapping[KeyPath, str]) -> str:
     toml = TomlText(text)
     written: list[tuple[int, int, bool, str]] = []
     for path, name in names.items():
-        if not path or not toml.find(path)[0]:
+        if not path or toml.find(path) is None:
             raise EditRefused(f"there is no `{'.'.join(path)}`")
-        holder = toml.find(path[:-1])[1]
+        holder = toml.find(path[:-1])
         if not isinstance(holder, dict):
             raise EditRefused(f"`{'.'.join(path)}` is an element of a list and has no name")
         if name in holder and (*path[:-1], name) not in names:

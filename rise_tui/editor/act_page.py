@@ -251,7 +251,7 @@ class ActPage(FormPage):
         if not said:
             raise EditRefused("it says the same in every condition: its text has no memory values")
         choices = [FieldChoice(str(number), each.text, each.where) for number, each in enumerate(said)]
-        self.frame.choose("What it says, and where", choices, lambda chosen: None)
+        self.frame.choose("What it says, and where", choices, lambda chosen: None, enter="closes")
 
     def _add_wording(self) -> None:
         action = self.action

@@ -19,7 +19,7 @@ from rise_engine.scenario.files.study_paths import SCENARIO_FILE
 from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.additions import Addition, additions
 from rise_tui.editor.model.data_fields import key_choices, key_fields, memory_fields, new_key_edits
-from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.fields import TYPED, EditField, FieldNote
 from rise_tui.editor.model.setting_fields import depends_on_design, plan_lines, setting_fields
 from rise_tui.editor.page import EditFrame
@@ -55,6 +55,11 @@ class DataPage(FormPage):
     def first_focus(self) -> Widget | None:
         return self.form.rows
 
+    @property
+    def title(self) -> str:
+        """The title on the page."""
+        return self.TITLE
+
     @abstractmethod
     def make_fields(self) -> Sequence[EditField]:
         """All fields, from the draft."""
@@ -64,7 +69,7 @@ class DataPage(FormPage):
         number = sum(each.kind != "heading" for each in fields)
         count = pluralize(number, noun) + after
         note = self.EMPTY if not number else count if not self.wanted else f"find {self.wanted}"
-        head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
+        head: StyledLine = ((f" {self.title}", "strong"), (f"  {note}", "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
         found = [each for each in fields if each.kind == "heading" or self._is_wanted(each)]
         self.form.show([each for each, after in zip_longest(found, found[1:]) if not _is_empty(each, after)])
@@ -213,6 +218,10 @@ class SettingsPage(DataPage):
         yield self.effect
 
     @property
+    def title(self) -> str:
+        return "DESIGN" if is_study_alone(self.draft) else self.TITLE
+
+    @property
     def hints(self) -> Mapping[str, str]:
         return {"edit.open": "change", "edit.add": "add", "edit.remove": "clear"}
 
@@ -253,7 +262,9 @@ class SettingsPage(DataPage):
         field = self.form.current
         files = self._previewed if self.is_typing and self._previewed else self.draft.files
         is_design = field is not None and depends_on_design(field)
-        lines = plan_lines(self.draft.folder, files)[: max(3, self.size.height // 4)] if is_design else []
+        lines, room = plan_lines(self.draft.folder, files) if is_design else [], max(3, self.size.height // 4)
+        if len(lines) > room:
+            lines = [*lines[: room - 1], f"+{len(lines) - room + 1} more lines: rise-engine study plan shows them all"]
         self.effect.display = bool(lines)
         self.effect.styles.height = len(lines) + 1
         self.effect.show(*(crop(((f" {line}", "plain"),), max(20, self.size.width)) for line in lines))

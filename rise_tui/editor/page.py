@@ -63,9 +63,19 @@ class EditFrame(Protocol):
         """Ask for a line. `take` receives it, unless it is empty or the author pressed `esc`."""
 
     def choose(
-        self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
+        self,
+        title: str,
+        choices: Sequence[FieldChoice],
+        take: Callable[[str], None],
+        *,
+        now: str = "",
+        new: str = "",
+        enter: str = "takes it",
     ) -> None:
-        """Let the author choose one; typing filters. `new`: the use of a name that is not among the choices."""
+        """Let the author choose one; typing filters.
+
+        :param new: the use of a name that is not among the choices. :param enter: what Enter does.
+        """
 
     def draw_bars(self) -> None:
         """Draw the lines around the page again, after its content or its keys have changed."""

@@ -140,13 +140,20 @@ class EditScreen(StudyFrame):
         self.app.push_screen(AskText(title, text, hint), taken)
 
     def choose(
-        self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
+        self,
+        title: str,
+        choices: Sequence[FieldChoice],
+        take: Callable[[str], None],
+        *,
+        now: str = "",
+        new: str = "",
+        enter: str = "takes it",
     ) -> None:
         def taken(picked: Picked | None) -> None:
             if picked is not None:
                 self.attempt(lambda: take(picked.value))
 
-        self.app.push_screen(PickList(title, choices, now=now, new=new), taken)
+        self.app.push_screen(PickList(title, choices, now=now, new=new, enter=enter), taken)
 
     # --- drawing ----------------------------------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import (
     act_preview,
     best_row,
+    find_at,
     row_id,
     split_row_id,
     study_rows,
@@ -197,9 +198,15 @@ class StudyPage(EditPage):
 
     def _show_uses(self, kind: str, name: str) -> None:
         found = used_by(self.draft, kind, name)
-        choices = [FieldChoice(str(number), text) for number, text in enumerate(found)]
-        if choices:
-            self.frame.choose(f"{name} is used by", choices, lambda chosen: None)
+
+        def go(chosen: str) -> None:
+            page = find_at(self.draft, found[chosen].file, found[chosen].line)
+            if page is not None:
+                self.frame.open_page(*page)
+
+        if found:
+            choices = [FieldChoice(text, text) for text in found]
+            self.frame.choose(f"{name} is used by", choices, go, enter="goes there")
         else:
             self.frame.say(f"{name}: nothing uses it" if name else "nothing is selected", "info")
 

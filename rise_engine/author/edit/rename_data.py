@@ -135,8 +135,8 @@ def _in_texts(text: str, renaming: Renaming) -> str:
     toml = TomlText(text)
     changes: list[tuple[KeyPath, str]] = []
     for path in toml.entries:
-        found, value = toml.find(path)
-        if found and isinstance(value, str):
+        value = toml.find(path)
+        if isinstance(value, str):
             renamed = renaming.keys_in(value, keys_in_slots(value))
             if renamed != value:
                 changes.append((path, renamed))

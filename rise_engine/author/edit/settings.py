@@ -24,13 +24,14 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
     file = _file(study, edit.file, new=edit.value is not None)
     with file.refusing():
         before = TomlText(file.text)
-        found, old = before.find(edit.path)
+        old = before.find(edit.path)
         if edit.value is None:
             after = remove_value(file.text, edit.path)
             says = f"{_label(edit)} is not set any more (was {value_text(old)})"
         else:
             after = set_value(file.text, edit.path, edit.value)
-            says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
+            was = "new" if old is None else f"was {value_text(old)}"
+            says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({was})"
     _check_outcome(file, after, _with(before.values, edit.path, edit.value))
     noticed = _comments_gone(file, after)
     if edit.file not in study.files:
@@ -49,7 +50,7 @@ def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
         before = TomlText(file.text)
         after = rename_key(file.text, edit.path, edit.name)
     wanted = _with(before.values, edit.path, None)
-    _check_outcome(file, after, _with(wanted, (*edit.path[:-1], edit.name), before.find(edit.path)[1]))
+    _check_outcome(file, after, _with(wanted, (*edit.path[:-1], edit.name), before.find(edit.path)))
     says = f"{_label(edit)} is called {edit.name} now"
     splices = file.splices(edits_between(file.text, after))
     if edit.file == SCENARIO_FILE and edit.path[:-1] == ("keys",):

@@ -52,8 +52,8 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
         return Plan(written={name: content.encode()}, says=(f"{says} (the first in {language})",))
     file = file_of(study.files, name)
     toml = _read(file)
-    found, before = toml.find((text.act, text.key))
-    if not found:
+    before = toml.find((text.act, text.key))
+    if before is None:
         after, was = changed_text(file.text, [_insertion(toml, text, entries, study.checked.texts)]), " (new)"
     else:
         after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{shorten(_text_of(before), _SHOWN)}”)"
@@ -111,7 +111,7 @@ def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None])
             continue
         file = file_of(study.files, name)
         toml, after = _read(file), file.text
-        there = {of: key for of, key in moved.items() if toml.find(of)[0]}
+        there = {of: key for of, key in moved.items() if toml.find(of) is not None}
         for of in [of for of, key in there.items() if key is None]:
             after = remove_value(after, of)
         after = rename_keys(after, {of: key for of, key in there.items() if key is not None})
@@ -121,8 +121,8 @@ def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None])
 
 def _plan_removal(edit: SetTranslation, study: StudyState, name: str) -> Plan:
     file = file_of(study.files, name) if name in study.files else None
-    found, before = _read(file).find((edit.act, edit.text)) if file is not None else (False, None)
-    if file is None or not found:
+    before = _read(file).find((edit.act, edit.text)) if file is not None else None
+    if file is None or before is None:
         raise EditRefused(f"`{edit.act}/{edit.text}` has no translation into `{edit.language}`")
     was = shorten(_text_of(before), _SHOWN)
     says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{was}”)"
@@ -176,12 +176,12 @@ def _replaced(toml: TomlText, path: KeyPath, entries: Mapping[str, str]) -> str:
         return changed_text(toml.text, [TextEdit(whole.value.start, whole.value.end, _inline(entries))])
     changed = []
     for name, text in entries.items():
-        entry, value = toml.entries.get((*path, name)), toml.find((*path, name))[1]
+        entry, value = toml.entries.get((*path, name)), toml.find((*path, name))
         if entry is not None and not (isinstance(value, str) and " ".join(value.split()) == text):
             changed.append(TextEdit(entry.value.start, entry.value.end, _quoted(text)))
     after = changed_text(toml.text, changed)
     for name, text in entries.items():
-        if not toml.find((*path, name))[0]:
+        if toml.find((*path, name)) is None:
             after = set_value(after, (*path, name), text)
     return after
 

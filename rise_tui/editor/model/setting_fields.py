@@ -28,6 +28,7 @@ from rise_engine.study.plan import make_plan, rows_wanted, strata_of
 from rise_engine.study.recording_table import recorder_drivers
 from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_toml import load_study
+from rise_engine.syntax.toml import entries_in, value_at
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import NOT_GIVEN, TYPED, EditField, FieldChoice, FieldKind, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
@@ -68,7 +69,7 @@ def _file_fields(draft: StudyDraft, file: str) -> Iterator[EditField]:
 def _heading(file: str, values: Mapping[str, Any], path: SettingPath, meaning: str) -> EditField:
     """The names of a table's path. Tables of a list are counted from 1."""
     names = [
-        str(int(part) + 1) if isinstance(_value(values, path[:at]), list) else part for at, part in enumerate(path)
+        str(int(part) + 1) if isinstance(value_at(values, path[:at]), list) else part for at, part in enumerate(path)
     ]
     return EditField("", " ".join(names) or file, "heading", note=meaning)
 
@@ -79,7 +80,7 @@ def _groups(values: Mapping[str, Any], tables: Sequence[SettingTable]) -> list[t
         (path, table)
         for table in tables
         for path in _paths(values, table.path.split(".") if table.path else [])
-        if table_at(tables, path) is table and (len(path) < 2 or isinstance(_value(values, path), dict))
+        if table_at(tables, path) is table and (len(path) < 2 or isinstance(value_at(values, path), dict))
     ]
     tops = list(dict.fromkeys(table.path.partition(".")[0] for table in tables))
 
@@ -97,20 +98,6 @@ def _positions(values: Any, path: SettingPath) -> Iterator[int]:
         values = entries_in(values).get(part)
 
 
-def entries_in(value: Any) -> Mapping[str, Any]:
-    """The entries of a table, or of a list of tables by their numbers."""
-    if isinstance(value, list):
-        return {str(number): each for number, each in enumerate(value)}
-    return value if isinstance(value, dict) else {}
-
-
-def _value(values: Any, path: SettingPath) -> Any:
-    """The value at a path; None: there is none."""
-    for part in path:
-        values = entries_in(values).get(part)
-    return values
-
-
 def _paths(values: Any, parts: Sequence[str], path: SettingPath = ()) -> Iterator[SettingPath]:
     """The paths of a pattern. A name need not be given; `*` stands for each name that is."""
     if not parts:
@@ -123,12 +110,12 @@ def _paths(values: Any, parts: Sequence[str], path: SettingPath = ()) -> Iterato
 def _table_fields(
     draft: StudyDraft, file: str, path: SettingPath, table: SettingTable, values: Mapping[str, Any]
 ) -> Iterator[EditField]:
-    given, tables = entries_in(_value(values, path)), TABLES[file]
+    given, tables = entries_in(value_at(values, path)), TABLES[file]
     shown = {*names_in(tables, table.path)}
     for setting in table.settings:
         parts = setting.path.split(".")[len(path) :]
         for at in _paths(given, parts):
-            value = _value(given, at)
+            value = value_at(given, at)
             if not (isinstance(value, dict) and table_at(tables, (*path, *at))):  # its own group shows it
                 yield _setting_field(draft, file, (*path, *at), len(path), setting, value)
             shown.add(at[0])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE
-from rise_engine.scenario.model import KeyBinding
+from rise_engine.scenario.model import KeyBinding, SourceLocation
 from rise_tui.editor.model.acts import act_seconds, action_content, action_type, all_texts, when_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
@@ -166,13 +166,13 @@ def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
     return (by_file[file], "") if file in by_file else None
 
 
-def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
-    """Where an act, a rule or a key is used, one line each."""
+def used_by(draft: StudyDraft, kind: str, name: str) -> dict[str, SourceLocation]:
+    """The places that use an act, a rule or a key, by their description."""
     known = {"act": "act", "rule": "rule", "memory": "key", "event": "event"}.get(kind)
     if known is None:
-        return []
+        return {}
     found = (use for use in draft.uses.of(known, name) if not use.defines)  # type: ignore[arg-type]
-    return list(dict.fromkeys(f"{use.where}  {use.location.file}:{use.location.line}" for use in found))
+    return {f"{use.where}  {use.location.file}:{use.location.line}": use.location for use in found}
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
@@ -191,7 +191,7 @@ def used_lines(draft: StudyDraft, kind: str, name: str, width: int) -> list[Styl
     """USED BY, and a row for each use."""
     found = used_by(draft, kind, name)
     lines: list[StyledLine] = [((" USED BY", "accent"),)]
-    for text in found or ["nothing: no rule and no key starts it"]:
+    for text in found or ("nothing: no rule and no key starts it",):
         lines += [((f" {'  ' if number else ''}{piece}", "plain" if found else "muted"),)
                   for number, piece in enumerate(wrap(text, max(20, width - 4)))]  # fmt: skip
     return lines

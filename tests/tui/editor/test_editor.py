@@ -367,3 +367,13 @@ async def test_a_way_out_of_a_state_that_starts_an_act_begins_with_its_end(study
         await found.press("right")
         form = page.editor.panel.form
         assert form is not None and form.value("trigger") == "event", "the choices are a ring"
+
+
+async def test_uses_lead_to_the_place_that_uses_it(study: Path) -> None:
+    async with editor(study) as it:
+        it.screen.home.rows.select("act\0R_Greeting")
+        await it.press("u")
+        used = await it.shows(PickList)
+        assert "enter goes there" in str(used.query_one("#box").border_subtitle)
+        await it.press("enter")
+        await it.until(lambda: it.screen.opened is not None and it.screen.opened.KIND == "rule")

@@ -21,6 +21,7 @@ from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.settings import SCENARIO_TABLES, SettingTable
 from rise_engine.study.settings import STUDY_TABLES
 from rise_engine.study.study_toml import load_study
+from rise_tui.editor import data_pages
 from rise_tui.editor.data_pages import SettingsPage
 from rise_tui.editor.model.acts import (
     action_fields,
@@ -297,6 +298,20 @@ async def test_the_plan_follows_a_number_while_it_is_typed(tmp_path: Path) -> No
         await it.until(lambda: "equally full after 2, 4 and 6 rows" in page.effect.text)
         await it.press("end")
         await it.until(lambda: not page.effect.display)
+
+
+async def test_a_long_plan_says_how_much_of_it_is_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    monkeypatch.setattr(data_pages, "plan_lines", lambda folder, files: [f"line {number}" for number in range(9)])
+    async with editor(tmp_path, (80, 24)) as it:
+        await it.open("settings")
+        page = it.screen.opened
+        assert isinstance(page, SettingsPage) and page.head.text.startswith(" DESIGN")
+        page.go_to("study.toml\0assignment\0block")
+        await it.press("down")
+        await it.until(lambda: page.effect.display)
+        shown = page.effect.text.splitlines()
+        assert shown[-1].startswith(f" +{9 - (len(shown) - 1)} more lines") and len(shown) < 9
 
 
 @pytest.mark.parametrize(
