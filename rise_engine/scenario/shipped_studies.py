@@ -10,13 +10,14 @@ import os
 import shutil
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from shutil import copyfile
 from tempfile import mkdtemp
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.files.study_paths import SCENARIO_FILE, why_none_written
+from rise_engine.scenario.files.study_paths import SCENARIO_FILE, STUDY_FILE, why_none_written
 from rise_engine.syntax.toml import toml_value
 
 _PACKAGE = Path(__file__).parents[1]
@@ -47,12 +48,13 @@ def shipped_name(folder: str | os.PathLike[str]) -> str:
 
 
 def study_title(folder: Path) -> str:
-    """The title of a study, or else the name of its folder."""
-    try:
-        title = tomllib.loads((folder / SCENARIO_FILE).read_text(encoding="utf-8")).get("title")
-    except (OSError, ValueError):
-        return folder.name
-    return title if isinstance(title, str) and title else folder.name
+    """The title of a study or a scenario, or else the name of its folder."""
+    for name in (STUDY_FILE, SCENARIO_FILE):
+        with suppress(OSError, ValueError):
+            title = tomllib.loads((folder / name).read_text(encoding="utf-8")).get("title")
+            if isinstance(title, str) and title:
+                return title
+    return folder.name
 
 
 def study_lines() -> list[str]:

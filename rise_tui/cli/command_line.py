@@ -6,7 +6,7 @@ Uses neither sockets nor Textual.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from getpass import getuser
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -22,8 +22,7 @@ from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.config.display import DisplayOptions
 from rise_tui.config.preferences import abbreviate_home, key_file_path
-from rise_tui.model.notice import short_name
-from rise_tui.rendering.text import clean, format_age, wrap
+from rise_tui.rendering.text import clean, wrap
 
 if TYPE_CHECKING:
     from rise_tui.config.key_file import KeyFile
@@ -75,6 +74,8 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     display: DisplayOptions = DisplayOptions()
     keys: str | None = None
     fresh: bool = False
+    resume: str = ""
+    """The folder of the session to recover, as chosen in the launcher."""
 
     @property
     def role(self) -> Role:
@@ -83,8 +84,8 @@ class CommandLine(Struct, frozen=True, kw_only=True):
 
     @property
     def unfinished(self) -> str:
-        """What to do with an earlier session that did not end."""
-        return "new" if self.new else "recover" if self.recover else "ask"
+        """What to do with an earlier session that did not end: `new`, `recover`, `ask`, or the folder to recover."""
+        return self.resume or ("new" if self.new else "recover" if self.recover else "ask")
 
     @property
     def only_for_new(self) -> list[str]:
@@ -209,63 +210,6 @@ class Prompter(Protocol):
     def read_answer(self, question: str) -> str | None:
         """Return the answer; None: there is no more input."""
         ...
-
-
-def choose_session(
-    found: Mapping[str, SessionSummary | None], terminal: Prompter, list_unfinished: Callable[[], Sequence[str]] = tuple
-) -> str:
-    """Return the name of the running session to attach to: the only one, or the one chosen by its number.
-
-    A session whose description is None does not answer. The list still shows it, because it may be the wanted one.
-    `list_unfinished`: lines about sessions that did not end. Raises Refused.
-    """
-    if not found:
-        raise not_started(
-            "no session is running; start one with: rise-tui --config DIR",
-            "DIR is the folder of a scenario",
-            *map(clean, list_unfinished()),
-        )
-    names = list(found)
-    if len(names) == 1:
-        return names[0]
-    rows = _session_rows(found)
-    if not terminal.interactive:
-        raise not_started("several sessions run, and without a terminal you cannot choose:", *rows)
-    terminal.print_line("These sessions run on this machine:")
-    terminal.print_line("")
-    for row in rows:
-        terminal.print_line(row)
-    terminal.print_line("")
-    while (answer := terminal.read_answer(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
-        wanted = answer.strip().lower()
-        if wanted in ("q", "quit"):
-            raise not_started(status=OK)
-        if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-            return names[int(wanted) - 1]
-    raise not_started("nothing was chosen")
-
-
-def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
-    """Two rows for each session: who takes part in what and since when; who has control, and its folder."""
-    columns: list[tuple[str, ...]] = []
-    places: list[str] = []
-    for number, (name, about) in enumerate(found.items(), 1):
-        if about is None:
-            columns.append((f"{number}", name, "", "", "", "does not answer"))
-            places.append("")
-            continue
-        who = " · ".join(filter(None, (clean(about.participant), clean(about.condition)))) or "nobody named"
-        since = f"for {format_age(about.t)}"
-        columns.append((f"{number}", who, clean(about.title), about.mode.upper(), about.robot, since))
-        others = f", {len(about.clients)} attached" if len(about.clients) > 1 else ""
-        place = clean(abbreviate_home(about.folder or about.scenario_folder))
-        places.append(" · ".join(filter(None, (f"{short_name(about.control)} has control{others}", place))))
-    widths = [max(map(len, column)) for column in zip(*columns, strict=True)]
-    rows = []
-    for row, place in zip(columns, places, strict=True):
-        rows.append("  " + "  ".join(map(str.ljust, row, widths)).rstrip())
-        rows += [f"  {' ' * widths[0]}  {place}"] * bool(place)
-    return rows
 
 
 def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:

@@ -13,15 +13,14 @@ import click
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.study_folder import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
-from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import REFUSED
 from rise_engine.cli.options import ROBOT
-from rise_engine.run.client import connect
 from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.files.study_paths import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
 from rise_tui.cli.command_line import KEYS, MOUSE, THEME, PlainTerminal, not_started, read_key_file
+from rise_tui.cli.stop_session import stop_session
 from rise_tui.config.display import (
     DEFAULT_FRAMES,
     DisplayOptions,
@@ -33,8 +32,6 @@ from rise_tui.config.display import (
 from rise_tui.config.preferences import PREFERENCES_NAME, Preferences, expand_home, load_saved, state_folder
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.study import EditedStudy, RunningHere, explore_saved
-
-STOP_SECONDS = 5.0
 
 
 @click.command()
@@ -77,15 +74,8 @@ class SessionsHere:
 
     def stop(self, session: RunningHere) -> str:
         """Stop everything in that session, attached as an observer."""
-
-        async def stop() -> None:
-            async with connect(session.socket, "editor", role="observer") as attached:
-                await attached.stop_all()
-
-        try:
-            asyncio.run(asyncio.wait_for(stop(), STOP_SECONDS))
-        except (RiseError, OSError, TimeoutError) as error:
-            return f"THE STOP DID NOT REACH THE SESSION ({error or 'no answer'}): use its console"
+        if why := stop_session(session.socket, "editor"):
+            return f"THE STOP DID NOT REACH THE SESSION ({why}): use its console"
         return "STOPPED: the session of this study was told to stop everything; its console releases it"
 
 

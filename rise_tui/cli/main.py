@@ -102,8 +102,8 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
     """Run a study from this terminal.
 
     With --config, attach to that scenario's session, or start one in the background. For a study, open the screen on
-    which its sessions begin. Without --config, attach to the running session; if several run, choose one. A session
-    continues when its console closes.
+    which its sessions begin. Without --config, attach to the running session, or choose a session or study from a
+    list. A session continues when its console closes.
 
     F9 or ctrl+g stops everything, on every screen. ? shows all keys. ctrl+c leaves.
     """

@@ -34,7 +34,7 @@ from rise_tui.config.preferences import (
     load_saved,
     state_folder,
 )
-from rise_tui.config.settings import engine_options, scenario_path
+from rise_tui.config.settings import engine_options, scenario_folder, scenario_path
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.layout import UiState, save_all
 from rise_tui.rendering.text import clean, format_clock
@@ -67,6 +67,9 @@ def run_console(
     ui_state = UiState(kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and not recorded)
     if options.wizard is not None:
         save_all(ui_state.save_wizard_name(options.wizard))
+    if options.folder is not None:
+        used = scenario_folder(options.folder) if study is None else Path(study.folder)
+        save_all(ui_state.save_folder(str(used.absolute())))
     app = ConsoleApp(
         client,
         settings=settings,

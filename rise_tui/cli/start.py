@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -16,11 +16,12 @@ import click
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED
+from rise_engine.base.exit_status import ALREADY_RUNNING, OK, REFUSED
 from rise_engine.cli.arguments import parse_assignments
-from rise_engine.cli.session.sessions import unfinished_lines, unfinished_sessions
+from rise_engine.cli.session.sessions import running_lines, unfinished_lines, unfinished_sessions
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.running_sessions import all_running_sessions
+from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.run.protocol.registry import RegistryError, ask_summary, find_running, running_names, session_name
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineProcess, EngineRefused, start_engine
@@ -33,7 +34,6 @@ from rise_tui.cli.command_line import (
     Prompter,
     check_matches,
     choose_recovery,
-    choose_session,
     login_name,
     not_started,
     read_key_file,
@@ -52,7 +52,10 @@ def start(options: CommandLine) -> NoReturn:
     """Do what the command line requests. Ends the process with its exit status."""
     options = replace(options, display=with_detected_colors(options.display, os.environ))
     prepare_textual(options.display)  # before anything imports Textual
-    keys = read_key_file(options.keys)
+    _open(options, read_key_file(options.keys))
+
+
+def _open(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     if options.replay is not None:
         _open_replay(options, keys)
     elif options.shadow is not None:
@@ -79,8 +82,38 @@ def _need_terminal(*also: str) -> None:
 
 
 def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """Attach to a running session."""
-    _open_console(find_running_session(options), options, keys)
+    """Attach to the named session, or to the only one. Otherwise the person chooses what to open."""
+    try:
+        if options.session is not None:
+            _open_console(find_running(options.session), options, keys)
+        running = all_running_sessions()
+    except RegistryError as error:
+        _refuse_start(str(error))
+    if len(running) == 1:
+        _open_console(next(iter(running)), options, keys)
+    if not PlainTerminal().interactive or (options.observe and not running):
+        _refuse_to_choose(running)
+    from rise_tui.cli import launcher  # after the preparation of Textual
+
+    chosen = launcher.choose_item(options, keys)
+    if chosen is None:
+        raise not_started(status=OK)
+    if chosen.state == "running":
+        _open_console(chosen.target, options, keys)
+    participant = chosen.participant or options.participant
+    _open(replace(options, folder=chosen.target, resume=chosen.session, participant=participant), keys)
+
+
+def _refuse_to_choose(running: Mapping[str, SessionSummary | None]) -> NoReturn:
+    """Refuse to choose without a person, or among nothing."""
+    if running:
+        why = "several sessions run, and without a terminal you cannot choose: name one with --session NAME"
+        raise not_started(why, *running_lines(running))
+    raise not_started(
+        "no session is running; start one with: rise-tui --config DIR",
+        "DIR is the folder of a scenario or a study",
+        *unfinished_lines(unfinished_sessions(running)),
+    )
 
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
@@ -227,29 +260,6 @@ def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 STUDY_FILE, SESSIONS = "study.toml", "sessions"
 """As in `rise_engine.study`, which is imported only for a study."""
-
-
-def find_running_session(options: CommandLine) -> str:
-    """The name, or the socket, of the requested running session. Raises Refused."""
-    try:
-        if options.session is not None:
-            return find_running(options.session)
-        if options.folder is None:
-            return choose_session(
-                all_running_sessions(), PlainTerminal(), lambda: unfinished_lines(unfinished_sessions({}))
-            )
-        if is_study(options.folder):
-            if socket := find_study_session(options.folder):
-                return socket
-            raise not_started(f"no session of {options.folder} is running")
-        name = session_name(scenario_path(options.settings))
-        if name in running_names():
-            return name
-        if elsewhere := find_elsewhere(options.settings):
-            return elsewhere
-    except RegistryError as error:
-        raise not_started(str(error)) from None
-    raise not_started(f"no session of {options.folder} is running")
 
 
 def find_elsewhere(settings: SessionOptions) -> str:

@@ -74,6 +74,8 @@ def _xdg_folder(variable: str, usual: str) -> Path:
 
 
 MAX_BYTES = 100_000
+MAX_FOLDERS = 12
+"""Maximum number of folders that are kept for the launcher."""
 
 
 class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui console"):
@@ -86,6 +88,8 @@ class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     """Whether the log shows what rules did on their own."""
     wizard: str = ""
     """The last wizard's name."""
+    folders: dict[str, str] = {}
+    """The folders of the last used scenarios and studies, with the time of their last use (ISO 8601)."""
 
 
 class SavedLayout(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui scenario"):

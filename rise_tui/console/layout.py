@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,7 @@ from textual.containers import Container, Vertical
 from rise_engine.run.protocol.client import AttachReply
 from rise_engine.run.protocol.registry import session_name
 from rise_tui.config.preferences import (
+    MAX_FOLDERS,
     PREFERENCES_NAME,
     Preferences,
     SavedLayout,
@@ -315,6 +317,15 @@ class UiState:
         if not self._is_saved or self.preferences.wizard == name:
             return []
         return [self._changed_preferences(wizard=name)]
+
+    def save_folder(self, folder: str) -> list[tuple[Path, Preferences | SavedLayout]]:
+        """Note the use of a scenario's or a study's folder, for the launcher."""
+        if not self._is_saved:
+            return []
+        used = load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].folders
+        others = [(each, when) for each, when in used.items() if each != folder][: MAX_FOLDERS - 1]
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        return [self._changed_preferences(folders={folder: now, **dict(others)})]
 
     def _layout_of(self, panes: Layout) -> SavedLayout:
         filters = {name: pane.filter_text for name, pane in panes.panes.items() if pane.filter_text}

@@ -72,11 +72,16 @@ def print_sessions(*, as_json: bool) -> None:
     others = sessions_on_other_computers()
     if not found and not others:
         print_notes("no session is running; begin one with:  rise-tui --config DIR")
-    print_lines(*(line for name, summary in found.items() for line in _running_lines(name, summary)))
+    print_lines(*running_lines(found))
     print_notes(*others, *unfinished_lines(unfinished_sessions(found)))
 
 
-def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
+def running_lines(found: Mapping[str, SessionSummary | None]) -> list[str]:
+    """Format running sessions as lines: who, what, since when, and the record."""
+    return [line for name, summary in found.items() for line in _lines_of(name, summary)]
+
+
+def _lines_of(name: str, summary: SessionSummary | None) -> list[str]:
     if summary is None:
         return [f"{name}  does not answer"]
     minutes, seconds = divmod(int(summary.t), 60)
@@ -237,37 +242,45 @@ MAX_SCENARIOS = 3
 class UnfinishedSession(NamedTuple):
     """The latest unfinished session of one scenario."""
 
-    command: str
-    """The command that offers to recover it."""
-    sentence: str
-    """A description of the session."""
+    folder: Path
+    info: SessionInfo
 
 
-def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
-    """Find unfinished sessions, the latest first, except the `running` ones (`registry.ask_all_summaries`)."""
+def unfinished_sessions(
+    running: Mapping[str, SessionSummary | None], root: Path | None = None
+) -> list[UnfinishedSession]:
+    """Find the latest unfinished session of each scenario, the latest first.
+
+    :param running: the running sessions (`registry.ask_all_summaries`), which are left out.
+    :param root: the folder with the sessions, such as a study's; None: that of sessions outside of studies.
+    """
     recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
     found: dict[str, UnfinishedSession] = {}
-    for folder in find_unfinished():
+    for folder in find_unfinished(root=root):
         if os.path.realpath(folder) in recorded:
             continue
         try:
-            scenario = read_info(folder, compare=False).scenario_folder
+            info = read_info(folder, compare=False)
         except SessionError:
             continue
-        name = session_name(scenario)
-        if name in found or name in running or not os.path.isdir(scenario):  # noqa: PTH112
+        name = session_name(info.scenario_folder)
+        if name in found or name in running or not os.path.isdir(info.scenario_folder):  # noqa: PTH112
             continue
-        found[name] = UnfinishedSession(f"rise-tui --config {shlex.quote(scenario)}", describe_session(folder))
+        found[name] = UnfinishedSession(folder, info)
         if len(found) == MAX_SCENARIOS:
             break
     return list(found.values())
 
 
 def unfinished_lines(sessions: list[UnfinishedSession]) -> list[str]:
-    """Format the sessions as lines; none if there are no sessions."""
+    """Format the sessions as lines, each with the command that offers to recover it; none if there are no sessions."""
     if not sessions:
         return []
     first = "A session did not end. To go on with it:"
     if len(sessions) > 1:
         first = "These sessions did not end. To go on with one of them:"
-    return ["", first, *(line for command, what in sessions for line in (f"  {command}", f"      {what}"))]
+    lines = [
+        (f"  rise-tui --config {shlex.quote(info.scenario_folder)}", f"      {describe_session(folder)}")
+        for folder, info in sessions
+    ]
+    return ["", first, *(line for pair in lines for line in pair)]

@@ -1,4 +1,4 @@
-"""Which session is meant, and what becomes of one that did not end: asked on the plain terminal."""
+"""Which session is meant, and what becomes of one that did not end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from rise_engine.cli.terminal import Refused
 from rise_engine.run.protocol.messages import VERSION, SessionSummary
-from rise_tui.cli.command_line import CommandLine, check_matches, choose_recovery, choose_session
+from rise_tui.cli.command_line import CommandLine, check_matches, choose_recovery
 from rise_tui.cli.main import main
 from tests.tui.fake import DEMO
 from tests.tui.terminals import environment_of, run_rise_tui
@@ -55,57 +55,8 @@ class Typist:
         return self.answers.pop(0) if self.answers else None
 
 
-SEVERAL = {
-    "lablinking-2fd404": about(
-        participant="P07", condition="calm", folder="/home/anna/rise-sessions/2026-11-21_141503_P07"
-    ),
-    "greeting-a1b2c3": about(
-        title="Greeting", mode="real", robot="floka", t=61.0, control=None, clients=[], scenario_folder="/s"
-    ),
-    "stuck-000000": None,
-}
 ONE = [("/s/2026-11-21_141503_demo_debug", "Demo (debug, pepper), begun 2026-11-21 14:15")]
 TWO = [*ONE, ("/s/2026-11-20_090000_demo_debug", "Demo (debug, pepper), begun 2026-11-20 09:00")]
-
-
-def test_without_a_session_it_says_how_to_start_one() -> None:
-    with pytest.raises(Refused, match="no session is running; start one with: rise-tui --config DIR") as no:
-        choose_session({}, Typist())
-    assert no.value.exit_code == 2
-
-
-def test_the_only_session_is_taken_without_asking() -> None:
-    typist = Typist()
-    assert choose_session({"a-000000": None}, typist) == "a-000000"
-    assert typist.said == [] and typist.questions == 0
-
-
-def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
-    typist = Typist(["", "4", "x", " 2 "])
-    assert choose_session(SEVERAL, typist) == "greeting-a1b2c3"
-    assert typist.questions == 4, "nothing is taken by default"
-    rows = [line for line in typist.said if line.startswith("  ")]
-    assert [" ".join(row.split()) for row in rows] == [
-        "1 P07 · calm LabLinking DEBUG pepper for 14 min",
-        "anna has control · /home/anna/rise-sessions/2026-11-21_141503_P07",
-        "2 nobody named Greeting REAL floka for 1 min",
-        "nobody has control · /s",
-        "3 stuck-000000 does not answer",
-    ]
-    assert rows[0].index("DEBUG") == rows[2].index("REAL") and rows[1].index("anna") == rows[0].index("P07")
-
-
-def test_several_sessions_and_several_consoles() -> None:
-    typist = Typist(["1"])
-    choose_session({"a": about(clients=("wizard:anna", "observer:ben")), "b": about()}, typist)
-    assert any("anna has control, 2 attached" in line for line in typist.said)
-
-
-@pytest.mark.parametrize(("answers", "code"), [(["q"], 0), ([], 2)])
-def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
-    with pytest.raises(Refused) as nothing:
-        choose_session(SEVERAL, Typist(answers))
-    assert nothing.value.exit_code == code
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
@@ -186,8 +137,6 @@ def test_without_a_terminal_the_options_are_named() -> None:
 
 
 def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
-    typist = Typist(["1"])
-    choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
     choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
     assert not any("\x1b" in line or "\x9b" in line for line in typist.said)
 
