@@ -32,6 +32,8 @@ from rise_tui.model.notice import short_name
 from rise_tui.rendering.text import format_age
 from rise_tui.screens.launcher import LauncherApp, LaunchItem
 
+NOBODY = "nobody named"
+"""Instead of a participant. No row names a condition, because a wizard may be blind to it."""
 GOES_ON = (
     "Memory, rules, timers and the stop will be as they were. What the robot was doing counts as lost: nothing is "
     "repeated by itself"
@@ -82,7 +84,7 @@ def _running_item(name: str, about: SessionSummary | None) -> LaunchItem:
         "running",
         name,
         about.title,
-        _who(about.participant, about.condition),
+        about.participant or NOBODY,
         f"{about.mode.upper()} {about.robot}",
         f"for {format_age(about.t)}",
         abbreviate_home(about.folder or about.scenario_folder),
@@ -105,7 +107,7 @@ def _unfinished_item(info: SessionInfo, target: str, detail: str, *, session: st
         "unfinished",
         target,
         info.title,
-        _who(info.participant, info.condition),
+        info.participant or NOBODY,
         f"{info.mode.upper()} {info.robot}",
         when_text(info.started),
         abbreviate_home(target),
@@ -114,10 +116,6 @@ def _unfinished_item(info: SessionInfo, target: str, detail: str, *, session: st
         participant="" if session else info.participant,
         role="wait",
     )
-
-
-def _who(participant: str, condition: str) -> str:
-    return " · ".join(filter(None, (participant, condition))) or "nobody named"
 
 
 def _folder_item(folder: Path, when: str) -> LaunchItem:

@@ -54,7 +54,7 @@ class LaunchItem(NamedTuple):
     """The name or the socket of a running session; otherwise the folder of a scenario or a study."""
     title: str
     who: str = ""
-    """Participant and condition; of a folder: its kind."""
+    """The participant; of a folder: its kind."""
     robot: str = ""
     """Mode and robot."""
     when: str = ""

@@ -38,7 +38,7 @@ def test_running_sessions_with_who_which_when_and_where(monkeypatch: pytest.Monk
     monkeypatch.setattr(launcher, "all_running_sessions", lambda: found)
     listed = [(*each.cells, each.where, each.detail, each.role) for each in find_items({}, only_running=True)]
     assert listed == [
-        ("LabLinking", "P07 · calm", "DEBUG pepper", "for 14 min", "/r/P07",
+        ("LabLinking", "P07", "DEBUG pepper", "for 14 min", "/r/P07",
          "anna has control, 2 attached", "plain"),
         ("Greeting", "nobody named", "REAL floka", "for 1 min", "/r/b", "STOPPED · nobody has control", "wait"),
         ("LabLinking", "nobody named", "DEBUG pepper", "for 14 min", "/s",
