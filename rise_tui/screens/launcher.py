@@ -172,7 +172,8 @@ class LauncherScreen(SearchDialog[LaunchItem]):
         if self._typed != self.search.value:
             self._typed = self.search.value
             self.list.displaced_at = float("-inf")  # the person requested this cursor position
-            self.list.move_cursor(next((at for at, row in enumerate(rows) if row.selectable), -1), by_wizard=False)
+            free = [row.selectable and not (self._typed and row.id.startswith("unfinished:")) for row in rows]
+            self.list.move_cursor(free.index(True) if True in free else -1, by_wizard=False)
         current = self.current
         if current is not None and current.state == "unfinished" and current.id != before:
             self.list.move_cursor(-1, by_wizard=False)  # Enter recovers only a session that the person has chosen

@@ -88,6 +88,9 @@ async def test_some_letters_of_any_column_find_a_row_and_enter_opens_it() -> Non
         assert len(it.rows) == 2 and "Greeting a visitor" in it.rows[1] and it.keys.startswith("enter opens it")
         await it.press("enter")
     assert it.app.return_value == SHIPPED
+    async with launcher(UNFINISHED, STUDY) as it:
+        await it.press("s")
+        assert it.rows[0] == " Did not end" and it.screen.current == STUDY, "who types looks for something to open"
     async with launcher(RUNNING, STUDY) as it:
         await it.press(*"zzz")
         assert it.rows == [" nothing found"]
